@@ -1,0 +1,1 @@
+"""Geometry only: shapes, ray casts, closest points. Knows no constraint and no velocity."""

@@ -1,0 +1,1 @@
+"""One file a solver: a NamedTuple whose solve() projects the batches."""
