@@ -14,12 +14,13 @@ clamped. A compliant law's multiplier l starts at 0 in each (sub-)step; l/h^2 is
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from pbd.dispatch import stage
-from pbd.jit import device
+from pbd.jit import DEVICE_OPTIONS, device
 from pbd.stages import evaluate, size
 from pbd.vector import accumulate, dot, load, subtract
 
@@ -166,6 +167,24 @@ def constraint_motion(row, particles):
     return total
 
 
+def scatter(particles: Any, indices: tuple[int, ...], gradients: tuple, change: float) -> None:
+    """p_j <- p_j + w_j dl g_j for all j of a constraint (in kernels unrolled: 4 % of a chain's step)."""
+    for i, gradient in zip(indices, gradients, strict=True):
+        accumulate(particles.p, i, particles.w[i] * change, gradient)
+
+
+@overload(scatter, strict=False, jit_options=DEVICE_OPTIONS)
+def _scatter(particles: Any, indices: Any, gradients: Any, change: Any) -> Any:
+    def last(particles, indices, gradients, change):
+        accumulate(particles.p, indices[0], particles.w[indices[0]] * change, gradients[0])
+
+    def first(particles, indices, gradients, change):
+        accumulate(particles.p, indices[0], particles.w[indices[0]] * change, gradients[0])
+        scatter(particles, indices[1:], gradients[1:], change)
+
+    return last if len(indices) == 1 else first
+
+
 # ------------------------------------------------------------------ the stages with defaults
 
 
@@ -183,7 +202,5 @@ def project(batch, state, h):
         row = evaluate(batch, c, particles.p)
         change = increment(batch.law, c, row, particles, h)
         indices, _, gradients, _ = row
-        for j in range(len(indices)):
-            i = indices[j]
-            accumulate(particles.p, i, particles.w[i] * change, gradients[j])
+        scatter(particles, indices, gradients, change)
     state.work[0] += size(batch)
