@@ -26,6 +26,7 @@ class Rule:
     open_low: bool = False
     names: tuple[str, ...] = ()
     optional: bool = False
+    many: bool = False
     doc: str = ""
 
     def allowed(self) -> str:
@@ -39,10 +40,13 @@ class Rule:
         left = f"{'>' if self.open_low else '>='} {self.low:g}" if self.low > -math.inf else ""
         right = f"<= {self.high:g}" if self.high < math.inf else ""
         bounds = " and ".join(part for part in (left, right) if part)
-        return f"{noun} {bounds}{unit}".strip() + (" or none" if self.optional else "")
+        plural = ", or a list of such" if self.many else ""
+        return f"{noun} {bounds}{unit}".strip() + plural + (" or none" if self.optional else "")
 
     def holds(self, value: Any) -> bool:
         """True when ``value`` is of the right type and in range."""
+        if self.many and isinstance(value, list | tuple):
+            return len(value) > 0 and all(dataclasses.replace(self, many=False, optional=False).holds(v) for v in value)
         if value is None:
             return self.optional
         if self.kind == "choice":
@@ -62,6 +66,11 @@ def _field(default: Any, rule: Rule) -> Any:
 def real(default: Any, unit: str, low: float, high: float, doc: str, *, above: bool = False, optional: bool = False) -> Any:
     """A finite real number in [low, high], or (low, high] with ``above``; None too with ``optional``."""
     return _field(default, Rule("real", unit, low, high, above, optional=optional, doc=doc))
+
+
+def reals(default: Any, unit: str, low: float, high: float, doc: str, *, above: bool = False, optional: bool = False) -> Any:
+    """As `real`, or a list of such numbers."""
+    return _field(default, Rule("real", unit, low, high, above, optional=optional, many=True, doc=doc))
 
 
 def whole(default: Any, low: int, high: int, doc: str) -> Any:
@@ -99,6 +108,8 @@ def parse(field: str, rule: Rule, text: str) -> Any:
     lowered = text.strip().lower()
     if rule.optional and lowered in ("none", ""):
         return None
+    if rule.many and "," in text:
+        return [parse(field, dataclasses.replace(rule, many=False), part) for part in text.split(",")]
     if rule.kind == "choice":
         return text
     if rule.kind == "flag":

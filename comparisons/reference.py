@@ -1,0 +1,155 @@
+"""High-accuracy references: scipy's DOP853 on the scene's own equations of motion.
+
+Rigid serial chains are integrated in minimal coordinates, the link angles, at O(N) a right-hand side;
+everything with springs in Cartesian coordinates. The integration restarts at each sample time,
+because DOP853's dense output is only of order 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import DOP853
+from scipy.linalg.lapack import dptsv
+
+from comparisons.scene import Rods, Scene, Springs
+from comparisons.trajectory import Trajectory
+
+RTOL, ATOL = 1e-13, 1e-14
+"""The tightest that DOP853 takes in double precision; the error is then about 1e-11 m on short chains."""
+
+PERTURBATION = 1e-7
+GROWTH_LIMIT = 1e5
+"""Past the time at which a small perturbation has grown by this factor, an error says nothing about accuracy."""
+
+Derivative = Callable[[float, np.ndarray], np.ndarray]
+
+
+class NoReference(ValueError):
+    """The scene has no reference; the message says why."""
+
+
+def solve(scene: Scene, rtol: float = RTOL, atol: float = ATOL) -> Trajectory:
+    """The scene's motion at its sample times by DOP853; raises `NoReference` where no form fits."""
+    return _solve(scene, _initial(scene), rtol, atol)
+
+
+def horizon(scene: Scene) -> float:
+    """The predictability horizon [s]: when a perturbation of PERTURBATION has grown by GROWTH_LIMIT, or inf."""
+    start = _initial(scene)
+    kick = np.zeros_like(start)
+    kick[0] = PERTURBATION
+    loose = 1e-3 * PERTURBATION
+    one, other = (_solve(scene, y, loose, loose).positions for y in (start, start + kick))
+    growth = np.sqrt(np.mean(np.sum((one - other) ** 2, axis=2), axis=1)) / PERTURBATION
+    late = np.flatnonzero(growth > GROWTH_LIMIT)
+    return float(scene.times[late[0]]) if len(late) else np.inf
+
+
+def _initial(scene: Scene) -> np.ndarray:
+    return ChainAngles(scene).initial if scene.of(Rods) else Cartesian(scene).initial
+
+
+def _solve(scene: Scene, start: np.ndarray, rtol: float, atol: float) -> Trajectory:
+    form = ChainAngles(scene) if scene.of(Rods) else Cartesian(scene)
+    times, y, steps = scene.times, start, 0
+    positions = np.empty((len(times), *scene.masses.positions.shape))
+    velocities = np.empty_like(positions)
+    positions[0], velocities[0] = form.cartesian(y)
+    guess = np.inf
+    for k in range(1, len(times)):
+        first = min(guess, times[k] - times[k - 1]) if np.isfinite(guess) else None
+        solver = DOP853(form.derivative, times[k - 1], y, times[k], rtol=rtol, atol=atol, first_step=first)
+        while solver.status == "running":
+            message = solver.step()
+            steps += 1
+        if solver.status == "failed":
+            return Trajectory(times[:k], positions[:k], velocities[:k], steps, diverged=message or "step size")
+        y, guess = solver.y, solver.h_abs
+        positions[k], velocities[k] = form.cartesian(y)
+    return Trajectory(times, positions, velocities, steps)
+
+
+class ChainAngles:
+    """A rigid serial planar chain, anchored at its first particle: y = (theta, theta').
+
+    With u_i = (sin theta_i, -cos theta_i) along link i and t_i = du_i/dtheta, the link tensions solve the
+    tridiagonal system that keeps every length, and theta_i'' = t_i . (a_i - a_(i-1)) / L_i.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        masses, rods = scene.masses, scene.of(Rods)
+        n = len(masses.masses) - 1
+        serial = np.column_stack([np.arange(n), np.arange(1, n + 1)])
+        if len(scene.links) != 1 or masses.pinned != (0,) or len(scene.gravity) != 2 or not np.array_equal(rods[0].pairs, serial):
+            raise NoReference("minimal coordinates need one planar serial chain of rods, anchored at particle 0")
+        self.lengths, self.anchor, self.gravity = rods[0].lengths, masses.positions[0], scene.gravity
+        self.w = 1.0 / masses.masses[1:]
+        self.diagonal = self.w + np.concatenate([[0.0], self.w[:-1]])
+        links = np.diff(masses.positions, axis=0)
+        if not np.allclose(np.linalg.norm(links, axis=1), self.lengths, rtol=1e-12):
+            raise NoReference("a rigid chain that starts stretched has no smooth motion")
+        theta = np.arctan2(links[:, 0], -links[:, 1])
+        u, t = self._directions(theta)
+        rates = np.sum(np.diff(masses.velocities, axis=0) * t, axis=1) / self.lengths
+        self.initial = np.concatenate([theta, rates])
+
+    @staticmethod
+    def _directions(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s, c = np.sin(theta), np.cos(theta)
+        return np.column_stack([s, -c]), np.column_stack([c, s])
+
+    def derivative(self, _: float, y: np.ndarray) -> np.ndarray:
+        n = len(self.lengths)
+        rates = y[n:]
+        u, t = self._directions(y[:n])
+        right = self.lengths * rates**2
+        right[0] += self.gravity @ u[0]
+        off = -np.sum(u[1:] * u[:-1], axis=1) * self.w[:-1]
+        tension = dptsv(self.diagonal, off, right)[2] if n > 1 else right / self.diagonal
+        pull = tension[:, None] * u
+        force = -pull
+        force[:-1] += pull[1:]
+        acceleration = self.w[:, None] * force
+        relative = acceleration.copy()
+        relative[1:] -= acceleration[:-1]
+        relative[0] += self.gravity
+        return np.concatenate([rates, np.sum(relative * t, axis=1) / self.lengths])
+
+    def cartesian(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n = len(self.lengths)
+        u, t = self._directions(y[:n])
+        x = self.anchor + np.vstack([np.zeros(2), np.cumsum(self.lengths[:, None] * u, axis=0)])
+        v = np.vstack([np.zeros(2), np.cumsum((self.lengths * y[n:])[:, None] * t, axis=0)])
+        return x, v
+
+
+class Cartesian:
+    """Free particles under gravity and springs: y = (x, v), forces -C/alpha along each spring."""
+
+    def __init__(self, scene: Scene) -> None:
+        if scene.of(Rods):
+            raise NoReference("Cartesian coordinates need springs only")
+        self.shape = scene.masses.positions.shape
+        self.free = scene.masses.free[:, None]
+        self.gravity = np.where(self.free, scene.gravity, 0.0)
+        self.w = np.where(self.free[:, 0], 1.0 / scene.masses.masses, 0.0)[:, None]
+        self.springs: list[Springs] = scene.of(Springs)
+        self.initial = np.concatenate([scene.masses.positions.ravel(), scene.masses.velocities.ravel()])
+
+    def derivative(self, _: float, y: np.ndarray) -> np.ndarray:
+        x, v = y.reshape(2, *self.shape)
+        force = np.zeros(self.shape)
+        for springs in self.springs:
+            i, j = springs.pairs.T
+            difference = x[i] - x[j]
+            length = np.sqrt(np.sum(difference**2, axis=1))
+            pull = ((length - springs.lengths) / (springs.compliances * length))[:, None] * difference
+            np.add.at(force, i, -pull)
+            np.add.at(force, j, pull)
+        return np.concatenate([v.ravel(), (self.gravity + self.w * force).ravel()])
+
+    def cartesian(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, v = y.reshape(2, *self.shape)
+        return x, v

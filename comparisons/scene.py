@@ -1,0 +1,93 @@
+"""The vocabulary in which scenes are written and which engine adapters translate.
+
+A scene is data: bodies, what connects them, gravity, how long, when to sample. It knows no engine.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pbd.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class PointMasses:
+    """Point masses: positions (n, d) [m], velocities (n, d) [m/s], masses (n,) [kg], indices of the pinned."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    masses: np.ndarray
+    pinned: tuple[int, ...] = ()
+
+    @property
+    def free(self) -> np.ndarray:
+        """(n,) mask of what can move."""
+        mask = np.ones(len(self.masses), dtype=bool)
+        mask[list(self.pinned)] = False
+        return mask
+
+
+@dataclass(frozen=True)
+class Rods:
+    """Rigid massless links between point masses: pairs (m, 2), lengths (m,) [m]."""
+
+    pairs: np.ndarray
+    lengths: np.ndarray
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Linear, undamped, massless links: pairs (m, 2), rest lengths (m,) [m], compliances (m,) [m/N], all > 0."""
+
+    pairs: np.ndarray
+    lengths: np.ndarray
+    compliances: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A complete description.
+
+    gravity : (d,) [m/s^2]
+    links : of kind `Rods` or `Springs`
+    duration [s], samples : recorded at 0 and at ``samples`` equally spaced times up to ``duration``
+    metrics : names of the metrics that make sense, the default of a run
+    """
+
+    name: str
+    masses: PointMasses
+    links: tuple[Rods | Springs, ...]
+    gravity: np.ndarray
+    duration: float
+    samples: int
+    metrics: tuple[str, ...]
+
+    @property
+    def times(self) -> np.ndarray:
+        """(samples + 1,) sample times [s]."""
+        return np.linspace(0.0, self.duration, self.samples + 1)
+
+    def of(self, kind: type) -> list:
+        """The links of one kind."""
+        return [link for link in self.links if isinstance(link, kind)]
+
+    def steps_per_sample(self, dt: float) -> int:
+        """The whole number of steps dt between two samples; refused where there is none."""
+        interval = self.duration / self.samples
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise InvalidInput("dt", dt, "a finite number > 0 s")
+        steps = max(1, round(interval / dt))
+        if abs(interval / dt - steps) > 1e-9 * steps:
+            near = interval / steps
+            raise InvalidInput("dt", dt, f"a whole fraction of the sample interval, {interval:g} s", f"the nearest is {near:.10g}")
+        return steps
+
+
+def empty(scene: Scene) -> Scene:
+    """The same scene without bodies: what remains of a run is the engine's call overhead."""
+    d = len(scene.gravity)
+    nothing = PointMasses(np.zeros((0, d)), np.zeros((0, d)), np.zeros(0))
+    return Scene("empty", nothing, (), scene.gravity, scene.duration, scene.samples, ())
