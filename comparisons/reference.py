@@ -32,27 +32,28 @@ class NoReference(ValueError):
 
 def solve(scene: Scene, rtol: float = RTOL, atol: float = ATOL) -> Trajectory:
     """The scene's motion at its sample times by DOP853; raises `NoReference` where no form fits."""
-    return _solve(scene, _initial(scene), rtol, atol)
+    equations = form(scene)
+    return _integrate(scene, equations, equations.initial, rtol, atol)
+
+
+def form(scene: Scene) -> ChainAngles | Cartesian:
+    """The scene's equations of motion; raises `NoReference` where no form fits."""
+    return ChainAngles(scene) if scene.of(Rods) else Cartesian(scene)
 
 
 def horizon(scene: Scene) -> float:
     """The predictability horizon [s]: when a perturbation of PERTURBATION has grown by GROWTH_LIMIT, or inf."""
-    start = _initial(scene)
-    kick = np.zeros_like(start)
-    kick[0] = PERTURBATION
+    equations = form(scene)
+    start = equations.initial
+    kick = np.where(np.arange(len(start)) == equations.perturbed, PERTURBATION, 0.0)
     loose = 1e-3 * PERTURBATION
-    one, other = (_solve(scene, y, loose, loose).positions for y in (start, start + kick))
+    one, other = (_integrate(scene, equations, y, loose, loose).positions for y in (start, start + kick))
     growth = np.sqrt(np.mean(np.sum((one - other) ** 2, axis=2), axis=1)) / PERTURBATION
     late = np.flatnonzero(growth > GROWTH_LIMIT)
     return float(scene.times[late[0]]) if len(late) else np.inf
 
 
-def _initial(scene: Scene) -> np.ndarray:
-    return ChainAngles(scene).initial if scene.of(Rods) else Cartesian(scene).initial
-
-
-def _solve(scene: Scene, start: np.ndarray, rtol: float, atol: float) -> Trajectory:
-    form = ChainAngles(scene) if scene.of(Rods) else Cartesian(scene)
+def _integrate(scene: Scene, form: ChainAngles | Cartesian, start: np.ndarray, rtol: float, atol: float) -> Trajectory:
     times, y, steps = scene.times, start, 0
     positions = np.empty((len(times), *scene.masses.positions.shape))
     velocities = np.empty_like(positions)
@@ -94,6 +95,7 @@ class ChainAngles:
         u, t = self._directions(theta)
         rates = np.sum(np.diff(masses.velocities, axis=0) * t, axis=1) / self.lengths
         self.initial = np.concatenate([theta, rates])
+        self.perturbed = 0
 
     @staticmethod
     def _directions(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -137,6 +139,7 @@ class Cartesian:
         self.w = np.where(self.free[:, 0], 1.0 / scene.masses.masses, 0.0)[:, None]
         self.springs: list[Springs] = scene.of(Springs)
         self.initial = np.concatenate([scene.masses.positions.ravel(), scene.masses.velocities.ravel()])
+        self.perturbed = int(np.argmax(np.repeat(self.free[:, 0], self.shape[1])))
 
     def derivative(self, _: float, y: np.ndarray) -> np.ndarray:
         x, v = y.reshape(2, *self.shape)

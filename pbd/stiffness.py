@@ -29,13 +29,14 @@ def corrected(k: Any, iterations: int) -> Any:
     return -np.expm1(np.log1p(-np.minimum(k, 1.0 - 1e-300)) / iterations) if iterations != 1 else k
 
 
-def stiffness_of_compliance(compliance: float, weight: float, dt: float) -> float:
+def stiffness_of_compliance(compliance: Any, weight: Any, dt: float) -> np.ndarray:
     """The PBD k whose single projection equals XPBD's first: k = W / (W + alpha/dt^2).
 
-    weight W = sum_j w_j |grad_j C|^2 [1/kg for a distance], compliance alpha [m/N], dt [s].
+    weight W = sum_j w_j |grad_j C|^2 [1/kg for a distance], compliance alpha [m/N], dt [s]; k = 1 where
+    nothing can move.
     """
-    scaled = compliance / dt**2
-    return weight / (weight + scaled) if weight + scaled > 0.0 else 1.0
+    total = np.asarray(weight + compliance / dt**2, dtype=float)
+    return np.divide(weight, total, out=np.ones_like(total), where=total > 0.0)
 
 
 @dataclass(frozen=True)

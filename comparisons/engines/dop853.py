@@ -1,0 +1,58 @@
+"""The numerical analyst's own tool: scipy's DOP853, rigid chains in minimal coordinates.
+
+Drawn into every chain plot as a yardstick. It is no game engine: it needs the equations of motion
+in a form made for the scene, and cannot take contacts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from comparisons import reference
+from comparisons.scene import Scene
+from comparisons.trajectory import Trajectory
+from pbd import fields
+
+TITLE = "DOP853"
+FOREIGN = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The step size is its own; ``rtol`` is what is asked for."""
+
+    rtol: float = fields.real(1e-8, "1", 3e-14, 1e-1, "relative tolerance; the absolute one is a tenth, in m")
+
+    def __post_init__(self) -> None:
+        fields.check(self, "settings")
+
+
+PRESETS: dict[str, dict[str, Any]] = {"default": {}}
+SWEEP: list[dict[str, Any]] = [{"rtol": 10.0**-exponent} for exponent in range(2, 12)]
+
+
+def missing() -> str:
+    return ""
+
+
+def version() -> str:
+    from importlib.metadata import version as installed
+
+    return installed("scipy")
+
+
+def unsupported(scene: Scene, settings: Settings) -> str:
+    if len(scene.masses.masses) == 0:
+        return ""
+    try:
+        reference.form(scene)
+    except reference.NoReference as reason:
+        return str(reason)
+    return ""
+
+
+def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
+    """Nothing to build that a run would not need anew."""
+    return lambda: reference.solve(scene, settings.rtol, 0.1 * settings.rtol)

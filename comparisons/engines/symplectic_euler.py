@@ -1,0 +1,117 @@
+"""Newtonian dynamics as the lecture has it: forces, accelerations, then v, then x (symplectic Euler).
+
+A rigid link is a stiff spring with a damper, whose stiffness sets an error floor; a compliant link is
+its spring. With ``half_kick`` velocities live at half steps (leapfrog), which makes it second order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from comparisons.scene import Rods, Scene, Springs
+from comparisons.trajectory import Trajectory
+from pbd import fields
+
+TITLE = "symplectic Euler"
+FOREIGN = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """``stiffness`` and ``damping_ratio`` apply to rigid links only."""
+
+    dt: float = fields.real(1e-4, "s", 1e-12, 1e3, "time step")
+    stiffness: float = fields.real(1e6, "N/m", 0.0, 1e15, "spring that stands for a rigid link", above=True)
+    damping_ratio: float = fields.real(0.0, "1", 0.0, 10.0, "link damping, as a fraction of critical")
+    half_kick: bool = fields.flag(False, "start half a step earlier: leapfrog, second order")
+
+    def __post_init__(self) -> None:
+        fields.check(self, "settings")
+
+
+PRESETS: dict[str, dict[str, Any]] = {"default": {}, "matched": {"half_kick": True}}
+SWEEP: list[dict[str, Any]] = [
+    {"stiffness": 1e4, "damping_ratio": 0.0},
+    {"stiffness": 1e6, "damping_ratio": 0.0},
+    {"stiffness": 1e6, "damping_ratio": 0.1},
+    {"stiffness": 1e8, "damping_ratio": 0.0},
+]
+
+
+class Links(NamedTuple):
+    """Springs with dampers: indices, rest lengths [m], stiffnesses [N/m], dampings [N s/m], all (m,)."""
+
+    i: np.ndarray
+    j: np.ndarray
+    rest: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+
+class Bodies(NamedTuple):
+    """Positions, velocities and accelerations as stores; inverse masses (n,), 0 for the pinned."""
+
+    x: tuple[np.ndarray, ...]
+    v: tuple[np.ndarray, ...]
+    a: tuple[np.ndarray, ...]
+    w: np.ndarray
+
+
+def missing() -> str:
+    return ""
+
+
+def version() -> str:
+    from importlib.metadata import version as installed
+
+    return installed("pbdbench")
+
+
+def unsupported(scene: Scene, settings: Settings) -> str:
+    known = all(isinstance(link, Rods | Springs) for link in scene.links)
+    return "" if known else "the scene has links that are neither rods nor springs"
+
+
+def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
+    """Build the arrays; the run is one kernel call."""
+    from comparisons.engines._symplectic_euler_kernel import integrate
+    from pbd.vector import from_store, to_store, zeros
+
+    masses, dimension = scene.masses, len(scene.gravity)
+    w = np.where(masses.free, 1.0 / masses.masses, 0.0)
+    links, every = _links(scene, w, settings), scene.steps_per_sample(settings.dt)
+    gravity = tuple(float(g) for g in scene.gravity)
+    shape = (scene.samples + 1, len(w))
+    offset = 0.5 * settings.dt if settings.half_kick else 0.0
+
+    def run() -> Trajectory:
+        bodies = Bodies(to_store(masses.positions), to_store(masses.velocities), zeros(len(w), dimension), w)
+        xs, vs = zeros(shape, dimension), zeros(shape, dimension)
+        done, broken = integrate(bodies, links, gravity, (settings.dt, offset), (every, scene.samples), (xs, vs))
+        work = {"spring forces": done * every * len(links.rest)}
+        x, v, quantity = from_store(xs), from_store(vs), ("", "position", "velocity")[broken]
+        count = done + 1 if not broken else done
+        return Trajectory(scene.times[:count], x[:count], v[:count], done * every, work, quantity)
+
+    return run
+
+
+def _links(scene: Scene, w: np.ndarray, settings: Settings) -> Links:
+    """All links as springs; critical damping is 2 sqrt(k m) with the reduced mass m of the two ends."""
+    pairs, rest, stiffness, ratio = [np.zeros((0, 2), dtype=np.int64)], [], [], []
+    for link in scene.links:
+        count, compliant = len(link.lengths), isinstance(link, Springs)
+        pairs.append(link.pairs)
+        rest.append(link.lengths)
+        stiffness.append(1.0 / link.compliances if compliant else np.full(count, settings.stiffness))
+        ratio.append(np.full(count, 0.0 if compliant else settings.damping_ratio))
+    index = np.concatenate(pairs).astype(np.int64)
+    lengths, k, zeta = (np.concatenate([np.zeros(0), *parts]) for parts in (rest, stiffness, ratio))
+    weight = w[index].sum(axis=1) if len(index) else np.zeros(0)
+    damping = 2.0 * zeta * np.sqrt(k / np.where(weight > 0.0, weight, math.inf))
+    return Links(index[:, 0].copy(), index[:, 1].copy(), lengths, k, damping)

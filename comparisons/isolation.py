@@ -1,0 +1,182 @@
+"""Engines in child processes: one that aborts, hangs or floods its output costs its own run alone.
+
+A `Worker` is one child for one engine, kept for many runs; parent and child exchange length-prefixed
+MessagePack, never pickles. The child's own standard output goes nowhere, because some engines write
+there from C. Times are taken inside the child.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from comparisons.record import RunSpec
+from comparisons.trajectory import Trajectory
+
+TIMEOUT = 300.0
+"""Seconds that one request may take."""
+
+MEMORY = 12 * 2**30
+"""Address space of a child [bytes]: a memory bomb ends itself, not the machine."""
+
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class Lost(RuntimeError):
+    """A run whose child ended, hung or failed: status code, what happened, remedy."""
+
+    def __init__(self, code: str, what: str, remedy: str) -> None:
+        super().__init__(what)
+        self.code, self.what, self.remedy = code, what, remedy
+
+
+class Worker:
+    """A child process that runs specs of one engine, started when first needed and again after a loss."""
+
+    def __init__(self, timeout: float = TIMEOUT) -> None:
+        self.timeout = timeout
+        self._child: subprocess.Popen[bytes] | None = None
+        self._lock = threading.Lock()
+
+    def run(self, spec: RunSpec) -> Trajectory:
+        """The trajectory of ``spec``; raises `Lost`."""
+        answer = self._ask({"task": "run", "spec": msgspec.to_builtins(spec)})
+        arrays = [np.frombuffer(blob).reshape(shape) for blob, shape in answer["arrays"]]
+        return Trajectory(*arrays, answer["steps"], answer["work"], answer["diverged"])
+
+    def seconds(self, spec: RunSpec, *, overhead: bool = False) -> float:
+        """Time of one run of ``spec``, or of the empty world in its place [s]; raises `Lost`."""
+        return float(self._ask({"task": "time", "spec": msgspec.to_builtins(spec), "overhead": overhead})["seconds"])
+
+    def close(self) -> None:
+        """End the child."""
+        if self._child is not None:
+            self._child.kill()
+            self._child.communicate()
+            self._child = None
+
+    def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        with self._lock:
+            if self._child is None or self._child.poll() is not None:
+                self._child = _start()
+            try:
+                answer = self._exchange(self._child, msgspec.msgpack.encode(request))
+            except BaseException:
+                self.close()
+                raise
+        if "error" in answer:
+            raise Lost("crashed", answer["error"], "see the engine's documentation for what this input means to it")
+        return answer
+
+    def _exchange(self, child: subprocess.Popen[bytes], request: bytes) -> dict[str, Any]:
+        assert child.stdin is not None and child.stdout is not None
+        deadline = time.monotonic() + self.timeout
+        try:
+            child.stdin.write(struct.pack("<Q", len(request)) + request)
+            child.stdin.flush()
+            size = struct.unpack("<Q", _read(child, 8, deadline))[0]
+            return msgspec.msgpack.decode(_read(child, size, deadline))
+        except (EOFError, BrokenPipeError, msgspec.DecodeError):
+            code = child.wait(timeout=10.0)
+            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            raise Lost("crashed", f"the engine's process ended with {how}", "change the settings of this run") from None
+        except TimeoutError:
+            remedy = "use a larger time step, fewer samples or a shorter duration"
+            raise Lost("timeout", f"no result within {self.timeout:g} s", remedy) from None
+
+
+def _start() -> subprocess.Popen[bytes]:
+    environment = {**os.environ, **dict.fromkeys(THREAD_VARIABLES, "1")}
+    command = [sys.executable, "-m", "comparisons.isolation"]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0)
+
+
+def _read(child: subprocess.Popen[bytes], size: int, deadline: float) -> bytes:
+    assert child.stdout is not None
+    parts = bytearray()
+    with selectors.DefaultSelector() as selector:
+        selector.register(child.stdout, selectors.EVENT_READ)
+        while len(parts) < size:
+            if not selector.select(max(0.0, deadline - time.monotonic())):
+                raise TimeoutError
+            part = os.read(child.stdout.fileno(), min(size - len(parts), 2**20))
+            if not part:
+                raise EOFError
+            parts += part
+    return bytes(parts)
+
+
+@contextlib.contextmanager
+def workers(engines: list[str]) -> Iterator[dict[str, Worker]]:
+    """One worker for each engine, closed at the end."""
+    pool = {name: Worker() for name in engines}
+    try:
+        yield pool
+    finally:
+        for worker in pool.values():
+            worker.close()
+
+
+def run_apart(spec: RunSpec) -> Trajectory:
+    """Run ``spec`` in a child of its own."""
+    with workers([spec.engine]) as pool:
+        return pool[spec.engine].run(spec)
+
+
+# ------------------------------------------------------------------ the child
+
+
+def _serve(requests: Any, answers: Any) -> None:
+    """Answer requests until the parent closes the pipe."""
+    while head := requests.read(8):
+        request = msgspec.msgpack.decode(requests.read(struct.unpack("<Q", head)[0]))
+        try:
+            answer = _answer(request)
+        except Exception as error:  # whatever an engine raises is this run's loss alone
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        blob = msgspec.msgpack.encode(answer)
+        answers.write(struct.pack("<Q", len(blob)) + blob)
+        answers.flush()
+
+
+def _answer(request: dict[str, Any]) -> dict[str, Any]:
+    from comparisons import run, scene
+
+    spec = msgspec.convert(request["spec"], RunSpec)
+    bound = run.bind(spec)
+    if request["task"] == "time":
+        world = scene.empty(bound.scene) if request["overhead"] else bound.scene
+        start_run = bound.adapter.prepare(world, bound.settings)
+        start = time.perf_counter()
+        start_run()
+        return {"seconds": time.perf_counter() - start}
+    out = bound.prepare()()
+    arrays = [(np.ascontiguousarray(a).tobytes(), a.shape) for a in (out.times, out.positions, out.velocities)]
+    return {"arrays": arrays, "steps": out.steps, "work": out.work, "diverged": out.diverged}
+
+
+def _main() -> None:
+    import resource
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    answers = os.fdopen(os.dup(1), "wb")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    _serve(sys.stdin.buffer, answers)
+
+
+if __name__ == "__main__":
+    _main()

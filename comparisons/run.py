@@ -1,0 +1,138 @@
+"""The one way to run: `execute(spec) -> Record`, for studies, tests, reports and gates alike."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from comparisons import catalog, engine, isolation
+from comparisons.metrics import Refused, Subject
+from comparisons.record import Record, RunSpec, Status, Value
+from comparisons.scene import Scene
+from comparisons.trajectory import Trajectory
+from pbd import fields
+from pbd.errors import unknown
+
+MAX_ENERGY_RISE = 0.1
+"""Of the scene's energy scale: a passive system that gained more is drifting."""
+
+BLOW_UP_RISE = 1.0
+"""Of the energy scale: gained more than this, it has blown up."""
+
+Runner = Callable[[RunSpec], Trajectory]
+
+
+class Bound(msgspec.Struct, frozen=True):
+    """A spec with its names resolved and its values validated."""
+
+    spec: RunSpec
+    scene: Any
+    adapter: Any
+    settings: Any
+
+    def prepare(self) -> Callable[[], Trajectory]:
+        return self.adapter.prepare(self.scene, self.settings)
+
+
+def build_scene(name: str, parameters: dict[str, Any]) -> Scene:
+    """The scene of that name; `InvalidInput` names the parameter that is wrong."""
+    module = catalog.load("scenes", name)
+    known = fields.rules(module.Parameters)
+    for key in parameters:
+        if key not in known:
+            raise unknown("scene parameter", key, known)
+    return module.build(module.Parameters(**parameters))
+
+
+def bind(spec: RunSpec) -> Bound:
+    """Resolve and validate everything that can be before anything runs.
+
+    Raises `InvalidInput` for an unknown name, a value out of range, a dt off the sample grid.
+    """
+    scene = build_scene(spec.scene, spec.parameters)
+    adapter = engine.load(spec.engine)
+    settings = engine.make_settings(spec.engine, spec.preset, spec.settings)
+    if getattr(settings, "dt", None) is not None:
+        scene.steps_per_sample(settings.dt)
+    for name in spec.metrics or ():
+        catalog.load("metrics", name)
+    return Bound(spec, scene, adapter, settings)
+
+
+def execute(spec: RunSpec, runner: Runner | None = None) -> Record:
+    """Run ``spec`` and measure it.
+
+    ``runner`` produces the trajectory; by default a foreign engine runs in a child process of its own
+    and ours in this one. What goes wrong in an engine is a status, not an exception; bad input is
+    `InvalidInput`.
+    """
+    bound = bind(spec)
+    remedy = bound.adapter.missing()
+    if remedy:
+        return _record(bound, status=Status(code="unsupported", quantity=f"{spec.engine} is not installed", remedy=remedy))
+    reason = bound.adapter.unsupported(bound.scene, bound.settings)
+    if reason:
+        return _record(bound, status=Status(code="unsupported", quantity=reason, remedy="choose another engine or scene"))
+    try:
+        if runner is not None:
+            trajectory = runner(spec)
+        else:
+            trajectory = isolation.run_apart(spec) if bound.adapter.FOREIGN else bound.prepare()()
+    except isolation.Lost as lost:
+        return _record(bound, status=Status(code=lost.code, quantity=lost.what, remedy=lost.remedy))
+    return _measure(bound, trajectory)
+
+
+def _measure(bound: Bound, trajectory: Trajectory) -> Record:
+    status = classify(bound.scene, trajectory)
+    values: dict[str, Value] = {}
+    if status.code == "ok":
+        subject = Subject(trajectory, bound.scene)
+        try:
+            for name in bound.scene.metrics if bound.spec.metrics is None else bound.spec.metrics:
+                module = catalog.load("metrics", name)
+                values[name] = Value(float(module.measure(subject)), module.UNIT)
+        except Refused as refused:
+            status = Status(code="refused", quantity=str(refused), remedy=refused.remedy)
+            values = {}
+    return _record(bound, status=status, steps=trajectory.steps, work=trajectory.work, metrics=values)
+
+
+def classify(scene: Scene, trajectory: Trajectory) -> Status:
+    """ok; diverged where something is not finite or energy rose by the scale; drifting where it rose by a tenth."""
+    smaller = "use a smaller time step, or more iterations or sub-steps"
+    if trajectory.diverged:
+        return Status(code="diverged", step=trajectory.steps, quantity=trajectory.diverged, remedy=smaller)
+    if len(trajectory.times) == 0 or len(scene.masses.masses) == 0:
+        return Status()
+    subject = Subject(trajectory, scene)
+    rise = (subject.energy - subject.energy[0]) / subject.energy_scale
+    for limit, code in ((BLOW_UP_RISE, "diverged"), (MAX_ENERGY_RISE, "drifting")):
+        if rise.max() > limit:
+            sample = int(np.argmax(rise > limit))
+            step = trajectory.steps * sample // max(len(trajectory.times) - 1, 1)
+            return Status(code=code, step=step, quantity="energy", remedy=smaller)
+    return Status()
+
+
+def _record(bound: Bound, *, status: Status, steps: int = 0, **measured: Any) -> Record:
+    spec, settings = bound.spec, dataclasses.asdict(bound.settings)
+    return Record(
+        key=spec.key(),
+        scene=spec.scene,
+        parameters=spec.parameters,
+        engine=spec.engine,
+        version="" if bound.adapter.missing() else bound.adapter.version(),
+        method=settings.get("method", spec.engine),
+        preset=spec.preset,
+        settings=settings,
+        dt=settings.get("dt"),
+        steps=steps,
+        seed=spec.seed,
+        status=status,
+        **measured,
+    )

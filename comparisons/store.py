@@ -1,0 +1,141 @@
+"""Finished work, kept: references and records, in memory and - once `open_file` was called - in one SQLite file.
+
+SQLite in WAL mode loses nothing to a kill at any moment. What is stored is JSON and plain arrays, never
+pickles. Every entry's key holds a digest of the sources and versions that made it, so that a change of
+code is a miss. Where the file cannot be used, the memory alone is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import platform
+import sqlite3
+import sys
+import threading
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from comparisons import reference as references
+from comparisons.record import SCHEMA, Record, RunSpec
+from comparisons.scene import Scene
+
+KEPT = ("ok", "drifting", "diverged", "refused")
+"""Statuses that a repetition would give again; what crashed or timed out is tried anew."""
+
+_lock = threading.Lock()
+_memory: dict[str, bytes] = {}
+_file: list[sqlite3.Connection] = []
+
+
+def open_file(path: Path) -> None:
+    """Keep entries in the SQLite file ``path`` from now on; a file that is damaged or of another schema is set aside."""
+    close_file()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _file.append(_connect(path))
+    except sqlite3.DatabaseError as damage:
+        print(f"{path}: {damage}; set aside as {path.name}.damaged", file=sys.stderr)
+        try:
+            path.replace(path.with_name(path.name + ".damaged"))
+            _file.append(_connect(path))
+        except (OSError, sqlite3.Error):
+            return
+    except OSError:
+        return
+
+
+def close_file() -> None:
+    """Forget the file; the memory stays."""
+    while _file:
+        _file.pop().close()
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, timeout=30.0, check_same_thread=False, isolation_level=None)
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("PRAGMA synchronous=NORMAL")
+    connection.execute("CREATE TABLE IF NOT EXISTS entries (key TEXT PRIMARY KEY, digest TEXT, value BLOB)")
+    connection.execute("SELECT key, digest FROM entries LIMIT 1")
+    return connection
+
+
+def _get(key: str) -> bytes | None:
+    with _lock:
+        if key in _memory or not _file:
+            return _memory.get(key)
+        try:
+            row = _file[0].execute("SELECT digest, value FROM entries WHERE key = ?", (key,)).fetchone()
+        except sqlite3.Error:
+            return None
+        if row is None or hashlib.sha256(row[1]).hexdigest() != row[0]:
+            return None
+        _memory[key] = row[1]
+        return row[1]
+
+
+def _put(key: str, value: bytes) -> None:
+    with _lock:
+        _memory[key] = value
+        try:
+            for connection in _file:
+                row = (key, hashlib.sha256(value).hexdigest(), value)
+                connection.execute("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", row)
+        except sqlite3.Error as trouble:
+            print(f"results are not kept on disk: {trouble}", file=sys.stderr)
+            close_file()
+
+
+@lru_cache(maxsize=1)
+def environment() -> str:
+    """Digest of all sources that make results, and of the versions below them."""
+    digest = hashlib.sha256(f"{SCHEMA} {platform.python_version()} {platform.processor()}".encode())
+    root = Path(__file__).resolve().parent
+    for package in (root, root.parent / "pbd"):
+        for path in sorted(package.rglob("*.py")):
+            digest.update(path.name.encode() + path.read_bytes())
+    for package in ("numpy", "scipy", "numba", "llvmlite"):
+        digest.update(version(package).encode())
+    return digest.hexdigest()[:32]
+
+
+def load_record(spec: RunSpec) -> Record | None:
+    """The stored record of a spec, without its time: times are never re-used."""
+    value = _get(f"record {environment()} {spec.key()}")
+    return msgspec.json.decode(value, type=Record) if value else None
+
+
+def save_record(spec: RunSpec, record: Record) -> None:
+    """Keep a record, unless a repetition could end otherwise."""
+    if record.status.code in KEPT:
+        _put(f"record {environment()} {spec.key()}", msgspec.json.encode(msgspec.structs.replace(record, seconds=None)))
+
+
+def reference(scene: Scene) -> tuple[np.ndarray, float]:
+    """(positions (s, n, d) [m] of the scene's reference, its predictability horizon [s]); computed once."""
+    key = f"reference {environment()} {_digest(scene)}"
+    value = _get(key)
+    if value is None:
+        positions, limit = references.solve(scene).positions, references.horizon(scene)
+        buffer = io.BytesIO()
+        np.savez(buffer, positions=positions, horizon=limit)
+        value = buffer.getvalue()
+        _put(key, value)
+    with np.load(io.BytesIO(value), allow_pickle=False) as arrays:
+        return arrays["positions"], float(arrays["horizon"])
+
+
+def _digest(scene: Scene) -> str:
+    """A digest of everything in the scene."""
+    parts = [scene.gravity, scene.times, scene.masses.positions, scene.masses.velocities, scene.masses.masses]
+    parts.append(np.array(scene.masses.pinned))
+    for link in scene.links:
+        parts.extend(vars(link).values())
+    digest = hashlib.sha256(" ".join(type(link).__name__ for link in scene.links).encode())
+    for part in parts:
+        digest.update(str(part.shape).encode() + np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
