@@ -1,0 +1,36 @@
+"""Matched scenes in several engines: how wrong, how fast, how stable.
+
+Names are imported when first used; ``comparisons.convergence("pendulum_chain", ...)`` runs that study.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from comparisons.record import Record as Record
+    from comparisons.record import RunSpec as RunSpec
+    from comparisons.run import execute as execute
+    from comparisons.studies.convergence import run as convergence
+    from comparisons.studies.stiffness import run as stiffness
+    from comparisons.studies.work_precision import run as work_precision
+    from comparisons.study import Study as Study
+
+_HOME = {
+    "Record": ("record", "Record"),
+    "RunSpec": ("record", "RunSpec"),
+    "Study": ("study", "Study"),
+    "convergence": ("studies.convergence", "run"),
+    "execute": ("run", "execute"),
+    "stiffness": ("studies.stiffness", "run"),
+    "work_precision": ("studies.work_precision", "run"),
+}
+__all__ = ["Record", "RunSpec", "Study", "convergence", "execute", "stiffness", "work_precision"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'comparisons' has no attribute {name!r}")
+    module, attribute = _HOME[name]
+    return getattr(importlib.import_module(f"comparisons.{module}"), attribute)

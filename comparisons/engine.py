@@ -23,7 +23,9 @@ class Engine(Protocol):
     FOREIGN : True runs it in a child process, so that its crash costs one run
     Settings : frozen dataclass of `pbd.fields`; with ``dt`` if it steps, ``method`` if it has several
     PRESETS : name -> changes to the defaults; "default" is what a user gets, {} at least
-    SWEEP : setting -> values tried by the work-precision study, beside the time step
+    SWEEP : settings tried by the work-precision study, each over many time steps
+    describe(settings) : optional, how the settings are named in plots and tables
+    VARIANTS : optional, settings shown by the convergence study; else the default and the matched preset
     """
 
     TITLE: str

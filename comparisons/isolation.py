@@ -8,6 +8,7 @@ there from C. Times are taken inside the child.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import selectors
 import signal
@@ -17,13 +18,17 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from comparisons.record import RunSpec
 from comparisons.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from comparisons.run import Bound
+    from comparisons.scene import Scene
 
 TIMEOUT = 300.0
 """Seconds that one request may take."""
@@ -53,8 +58,8 @@ class Worker:
     def run(self, spec: RunSpec) -> Trajectory:
         """The trajectory of ``spec``; raises `Lost`."""
         answer = self._ask({"task": "run", "spec": msgspec.to_builtins(spec)})
-        arrays = [np.frombuffer(blob).reshape(shape) for blob, shape in answer["arrays"]]
-        return Trajectory(*arrays, answer["steps"], answer["work"], answer["diverged"])
+        times, x, v = (np.frombuffer(blob).reshape(shape) for blob, shape in answer["arrays"])
+        return Trajectory(times, x, v, answer["steps"], answer["work"], answer["diverged"], answer["wall"])
 
     def seconds(self, spec: RunSpec, *, overhead: bool = False) -> float:
         """Time of one run of ``spec``, or of the empty world in its place [s]; raises `Lost`."""
@@ -81,7 +86,7 @@ class Worker:
         return answer
 
     def _exchange(self, child: subprocess.Popen[bytes], request: bytes) -> dict[str, Any]:
-        assert child.stdin is not None and child.stdout is not None
+        assert child.stdin is not None
         deadline = time.monotonic() + self.timeout
         try:
             child.stdin.write(struct.pack("<Q", len(request)) + request)
@@ -137,6 +142,8 @@ def run_apart(spec: RunSpec) -> Trajectory:
 
 # ------------------------------------------------------------------ the child
 
+_WARM: set[str] = set()
+
 
 def _serve(requests: Any, answers: Any) -> None:
     """Answer requests until the parent closes the pipe."""
@@ -156,15 +163,21 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
 
     spec = msgspec.convert(request["spec"], RunSpec)
     bound = run.bind(spec)
+    world = scene.empty(bound.scene) if request.get("overhead") else bound.scene
+    _warm_up(bound, world)
+    out = bound.run(world)
     if request["task"] == "time":
-        world = scene.empty(bound.scene) if request["overhead"] else bound.scene
-        start_run = bound.adapter.prepare(world, bound.settings)
-        start = time.perf_counter()
-        start_run()
-        return {"seconds": time.perf_counter() - start}
-    out = bound.prepare()()
+        return {"seconds": out.wall}
     arrays = [(np.ascontiguousarray(a).tobytes(), a.shape) for a in (out.times, out.positions, out.velocities)]
-    return {"arrays": arrays, "steps": out.steps, "work": out.work, "diverged": out.diverged}
+    return {"arrays": arrays, "steps": out.steps, "work": out.work, "diverged": out.diverged, "wall": out.wall}
+
+
+def _warm_up(bound: Bound, world: Scene) -> None:
+    """Compile and load everything by a run over one sample interval, once for each kind of run."""
+    kind = repr((world.name, bound.spec.preset, {**bound.spec.settings, "dt": None, "rtol": None}))
+    if kind not in _WARM:
+        _WARM.add(kind)
+        bound.run(dataclasses.replace(world, duration=world.duration / world.samples, samples=1))
 
 
 def _main() -> None:

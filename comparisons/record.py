@@ -62,7 +62,11 @@ class Seconds(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
-    """The result of one run; metrics are empty unless the status is ok."""
+    """The result of one run; metrics are empty unless the status is ok.
+
+    ``seconds`` is the measured run time, taken apart from the error run. ``wall`` is what the error run took [s]:
+    it only budgets further runs.
+    """
 
     key: str
     scene: str
@@ -78,6 +82,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     metrics: dict[str, Value] = {}
     seconds: Seconds | None = None
     work: dict[str, int] = {}
+    wall: float = 0.0
     status: Status = Status()
 
     def metric(self, name: str) -> float:

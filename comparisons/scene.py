@@ -51,6 +51,7 @@ class Springs:
 class Scene:
     """A complete description.
 
+    title : the scene in a few words, for headings
     gravity : (d,) [m/s^2]
     links : of kind `Rods` or `Springs`
     duration [s], samples : recorded at 0 and at ``samples`` equally spaced times up to ``duration``
@@ -58,6 +59,7 @@ class Scene:
     """
 
     name: str
+    title: str
     masses: PointMasses
     links: tuple[Rods | Springs, ...]
     gravity: np.ndarray
@@ -82,7 +84,9 @@ class Scene:
         steps = max(1, round(interval / dt))
         if abs(interval / dt - steps) > 1e-9 * steps:
             near = interval / steps
-            raise InvalidInput("dt", dt, f"a whole fraction of the sample interval, {interval:g} s", f"the nearest is {near:.10g}")
+            raise InvalidInput(
+                "dt", dt, f"a whole fraction of the sample interval, {interval:g} s", f"the nearest is {near:.10g}"
+            )
         return steps
 
 
@@ -90,4 +94,4 @@ def empty(scene: Scene) -> Scene:
     """The same scene without bodies: what remains of a run is the engine's call overhead."""
     d = len(scene.gravity)
     nothing = PointMasses(np.zeros((0, d)), np.zeros((0, d)), np.zeros(0))
-    return Scene("empty", nothing, (), scene.gravity, scene.duration, scene.samples, ())
+    return Scene("empty", "empty world", nothing, (), scene.gravity, scene.duration, scene.samples, ())

@@ -33,7 +33,7 @@ _file: list[sqlite3.Connection] = []
 
 
 def open_file(path: Path) -> None:
-    """Keep entries in the SQLite file ``path`` from now on; a file that is damaged or of another schema is set aside."""
+    """Keep entries in the SQLite file ``path`` from now on; one that is damaged is set aside."""
     close_file()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -98,8 +98,8 @@ def environment() -> str:
     for package in (root, root.parent / "pbd"):
         for path in sorted(package.rglob("*.py")):
             digest.update(path.name.encode() + path.read_bytes())
-    for package in ("numpy", "scipy", "numba", "llvmlite"):
-        digest.update(version(package).encode())
+    for dependency in ("numpy", "scipy", "numba", "llvmlite"):
+        digest.update(version(dependency).encode())
     return digest.hexdigest()[:32]
 
 

@@ -17,6 +17,7 @@ class Trajectory:
     positions, velocities : (s, n, d) [m], [m/s]; velocities at the same times as the positions
     steps : steps the engine did
     work : counters of what ran, e.g. ``{"projections": 1000}``
+    wall : seconds that the run took, compilation included where it was the first of its kind
     diverged : the quantity that stopped being finite, at step ``steps``; empty when all is finite
     """
 
@@ -26,6 +27,7 @@ class Trajectory:
     steps: int
     work: dict[str, int] = field(default_factory=dict)
     diverged: str = ""
+    wall: float = 0.0
 
 
 def from_samples(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, steps: int) -> Trajectory:

@@ -54,21 +54,26 @@ class Rule:
         if self.kind == "flag":
             return isinstance(value, bool)
         wanted = numbers.Integral if self.kind == "whole" else numbers.Real
-        if isinstance(value, bool) or not isinstance(value, wanted) or not math.isfinite(float(value)):
+        if isinstance(value, bool) or not isinstance(value, wanted):
             return False
-        return self.low <= value <= self.high and not (self.open_low and value == self.low)
+        number = float(value)
+        return math.isfinite(number) and self.low <= number <= self.high and not (self.open_low and number == self.low)
 
 
 def _field(default: Any, rule: Rule) -> Any:
     return dataclasses.field(default=default, metadata={"rule": rule})
 
 
-def real(default: Any, unit: str, low: float, high: float, doc: str, *, above: bool = False, optional: bool = False) -> Any:
+def real(
+    default: Any, unit: str, low: float, high: float, doc: str, *, above: bool = False, optional: bool = False
+) -> Any:
     """A finite real number in [low, high], or (low, high] with ``above``; None too with ``optional``."""
     return _field(default, Rule("real", unit, low, high, above, optional=optional, doc=doc))
 
 
-def reals(default: Any, unit: str, low: float, high: float, doc: str, *, above: bool = False, optional: bool = False) -> Any:
+def reals(
+    default: Any, unit: str, low: float, high: float, doc: str, *, above: bool = False, optional: bool = False
+) -> Any:
     """As `real`, or a list of such numbers."""
     return _field(default, Rule("real", unit, low, high, above, optional=optional, many=True, doc=doc))
 

@@ -29,21 +29,23 @@ from typing import Any
 import llvmlite
 import numba
 import numpy
-from numba import config, njit, types
+from numba import config as _numba_config
+from numba import njit, types
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
-KERNEL_OPTIONS = {"_nrt": False, "error_model": "numpy"}
+KERNEL_OPTIONS: Any = {"_nrt": False, "error_model": "numpy"}
 """No allocation, and division by zero gives inf or nan as in numpy: a kernel never raises."""
 
-DEVICE_OPTIONS = {**KERNEL_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+DEVICE_OPTIONS: Any = {**KERNEL_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """For functions called only by kernels: without the wrappers they compile twice as fast."""
 
 device = register_jitable(**DEVICE_OPTIONS)
 """Decorator for a helper function that kernels call and that stays plain Python elsewhere."""
 
+config: Any = _numba_config
 _DIGEST_BYTES = 32
 _STDLIB = sys.stdlib_module_names
 _SITE = tuple({str(Path(sysconfig.get_paths()[key]).resolve()) for key in ("purelib", "platlib")})
@@ -150,10 +152,9 @@ def _key_lines(function: Callable[..., Any], sig: Any, codegen: Any) -> Iterator
 def _classes(argument_types: Any) -> Iterator[type]:
     """The NamedTuple classes among argument types, however deep."""
     for kind in argument_types:
-        if isinstance(kind, types.BaseNamedTuple):
-            yield kind.instance_class
         if isinstance(kind, types.BaseTuple):
-            yield from _classes(kind.types)
+            yield from _classes(kind)
+            yield from filter(None, [getattr(kind, "instance_class", None)])
 
 
 def _sources(roots: list[str]) -> set[str]:

@@ -191,7 +191,9 @@ def steps_in(duration: float, dt: float) -> int:
     if not 0.0 < ratio < np.inf:
         raise InvalidInput("duration", duration, "finite and > 0 s")
     if ratio > MAX_STEPS:
-        raise InvalidInput("dt", dt, f"so large that {duration:g} s take at most {MAX_STEPS:.0e} steps", f"{ratio:.1e} steps asked")
+        raise InvalidInput(
+            "dt", dt, f"so large that {duration:g} s take at most {MAX_STEPS:.0e} steps", f"{ratio:.1e} steps asked"
+        )
     steps = round(ratio)
     if steps < 1 or abs(ratio - steps) > 1e-9 * max(ratio, 1.0):
         raise InvalidInput("dt", dt, f"a whole fraction of the duration, {duration:g} s")

@@ -111,9 +111,7 @@ def all_finite(a):
     return total == 0.0
 
 
-def particles(
-    positions: Any, *, masses: Any = 1.0, velocities: Any = 0.0, pinned: Sequence[int] = ()
-) -> Particles:
+def particles(positions: Any, *, masses: Any = 1.0, velocities: Any = 0.0, pinned: Sequence[int] = ()) -> Particles:
     """Particles from arrays in the user's layout; everything is copied.
 
     Parameters
@@ -132,11 +130,15 @@ def particles(
         raise InvalidInput("positions", x.shape, "of shape (n, d) with d = 1, 2 or 3")
     n, d = x.shape
     if n > MAX_PARTICLES:
-        raise InvalidInput("positions", n, f"at most {MAX_PARTICLES} particles", f"{n * (3 * d + 1) * 8 / 1e9:.0f} GB needed")
+        raise InvalidInput(
+            "positions", n, f"at most {MAX_PARTICLES} particles", f"{n * (3 * d + 1) * 8 / 1e9:.0f} GB needed"
+        )
     m = broadcast("masses", masses, (n,))
     if n and not m.min() > 0.0:
         raise InvalidInput("masses", float(m.min()), "> 0 kg", "list immovable particles in pinned")
     w = 1.0 / m
     w[indices("pinned", pinned, n)] = 0.0
     store = to_store(x)
-    return Particles(store, tuple(axis.copy() for axis in store), to_store(broadcast("velocities", velocities, (n, d))), w)
+    return Particles(
+        store, tuple(axis.copy() for axis in store), to_store(broadcast("velocities", velocities, (n, d))), w
+    )

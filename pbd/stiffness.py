@@ -16,7 +16,7 @@ import numpy as np
 from pbd.errors import InvalidInput, unknown
 from pbd.projection import AtLeast, AtMost, Compliant, DampedCompliant, Equality, Hard, Scaled
 
-RELATIONS = {"equality": Equality(), "at_least": AtLeast(), "at_most": AtMost()}
+RELATIONS: dict[str, Any] = {"equality": Equality(), "at_least": AtLeast(), "at_most": AtMost()}
 """C = 0; C >= 0; C <= 0. For a distance: rod; strut that only keeps apart; rope that only holds together."""
 
 

@@ -1,0 +1,1 @@
+"""One file an engine adapter; `comparisons.engine` says what it must define."""

@@ -38,11 +38,18 @@ class Settings:
             raise InvalidInput("settings.method", self.method, "pbd where k or raw is set", "XPBD takes compliance")
 
 
+NAMES = {"pbd": "2006", "xpbd": "XPBD", "small_steps": "Small Steps"}
+
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {"method": "small_steps", "substeps": 1},
     "accurate": {"method": "small_steps", "substeps": 20},
 }
+VARIANTS: list[dict[str, Any]] = [
+    {"method": "pbd"},
+    {"method": "xpbd", "iterations": 10},
+    {"method": "small_steps", "substeps": 10},
+]
 SWEEP: list[dict[str, Any]] = [
     {"method": "pbd", "iterations": 1},
     {"method": "pbd", "iterations": 10},
@@ -64,6 +71,12 @@ def version() -> str:
 def unsupported(scene: Scene, settings: Settings) -> str:
     known = all(isinstance(link, Rods | Springs) for link in scene.links)
     return "" if known else "the scene has links that are neither rods nor springs"
+
+
+def describe(settings: Settings) -> str:
+    """The method and its counts in words."""
+    counts = ((settings.iterations, "iterations"), (settings.substeps, "sub-steps"))
+    return ", ".join([NAMES[settings.method], *(f"{n} {what}" for n, what in counts if n > 1)])
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:

@@ -105,11 +105,11 @@ def _links(scene: Scene, w: np.ndarray, settings: Settings) -> Links:
     """All links as springs; critical damping is 2 sqrt(k m) with the reduced mass m of the two ends."""
     pairs, rest, stiffness, ratio = [np.zeros((0, 2), dtype=np.int64)], [], [], []
     for link in scene.links:
-        count, compliant = len(link.lengths), isinstance(link, Springs)
+        count = len(link.lengths)
         pairs.append(link.pairs)
         rest.append(link.lengths)
-        stiffness.append(1.0 / link.compliances if compliant else np.full(count, settings.stiffness))
-        ratio.append(np.full(count, 0.0 if compliant else settings.damping_ratio))
+        stiffness.append(1.0 / link.compliances if isinstance(link, Springs) else np.full(count, settings.stiffness))
+        ratio.append(np.full(count, 0.0 if isinstance(link, Springs) else settings.damping_ratio))
     index = np.concatenate(pairs).astype(np.int64)
     lengths, k, zeta = (np.concatenate([np.zeros(0), *parts]) for parts in (rest, stiffness, ratio))
     weight = w[index].sum(axis=1) if len(index) else np.zeros(0)

@@ -1,0 +1,1 @@
+"""One file a scene: its question, its parameters, and build(parameters) -> Scene."""

@@ -37,7 +37,9 @@ class Parameters:
     def __post_init__(self) -> None:
         if isinstance(self.links, int) and self.links > MAX_LINKS:
             memory = self.links * 13 * 8 / 1e9
-            raise InvalidInput("scene.links", self.links, f"a whole number >= 1 and <= {MAX_LINKS}", f"it needs {memory:.3g} GB a copy")
+            raise InvalidInput(
+                "scene.links", self.links, f"a whole number >= 1 and <= {MAX_LINKS}", f"it needs {memory:.3g} GB a copy"
+            )
         fields.check(self, "scene")
 
     def per_link(self, name: str) -> np.ndarray:
@@ -46,7 +48,9 @@ class Parameters:
         value = 1.0 / self.links if value is None else value
         array = np.asarray(value, dtype=float)
         if array.shape not in ((), (self.links,)):
-            raise InvalidInput(f"scene.{name}", f"{array.size} values", f"one number or {self.links}, one for each link")
+            raise InvalidInput(
+                f"scene.{name}", f"{array.size} values", f"one number or {self.links}, one for each link"
+            )
         return np.broadcast_to(array, (self.links,)).copy()
 
 
@@ -63,6 +67,7 @@ def build(parameters: Parameters) -> Scene:
     rigid = not np.any(compliances)
     return Scene(
         name="pendulum_chain",
+        title=f"chain of {parameters.links} {'rigid' if rigid else 'compliant'} link{'s' * (parameters.links > 1)}",
         masses=PointMasses(positions, np.zeros_like(positions), masses, pinned=(0,)),
         links=(Rods(pairs, lengths) if rigid else Springs(pairs, lengths, compliances),),
         gravity=np.array([0.0, -parameters.gravity]),

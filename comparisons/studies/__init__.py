@@ -1,0 +1,1 @@
+"""One file a study, which is one subcommand: SUMMARY and run(scene, ...) -> Study."""

@@ -14,7 +14,7 @@ from pbd.jit import device
 from pbd.projection import inverse_weight, reset
 from pbd.stages import evaluate
 from pbd.state import Particles
-from pbd.vector import Store, accumulate, dot, load, scale, store, subtract, to_store
+from pbd.vector import Store, accumulate, dot, load, scale, store, subtract, to_store, zeros
 
 RESTING_SPEED = 2.0
 """Impacts slower than this times g h do not bounce, g h being gravity's kick in a sub-step (Mueller 2020)."""
@@ -41,7 +41,7 @@ class Contact(NamedTuple):
 
     C(p) = (p - q) . n >= 0 with q the entry point of the ray x -> p, or, when the particle started
     inside, the surface point closest to p (the static fall-back).
-    ``candidates`` are the particles tested; slot arrays hold one entry a candidate and plane.
+    ``candidates`` are the particles tested, ``filled[0]`` slots are in use; slot arrays hold one entry a candidate and plane.
     """
 
     planes: Planes
@@ -49,7 +49,7 @@ class Contact(NamedTuple):
     restitution: float
     gravity: float
     candidates: np.ndarray
-    count: np.ndarray
+    filled: np.ndarray
     particle: np.ndarray
     plane: np.ndarray
     point: Store
@@ -57,7 +57,7 @@ class Contact(NamedTuple):
     law: Pushes
 
     def size(self):
-        return self.count[0]
+        return self.filled[0]
 
     def evaluate(self, c, x):
         normal = load(self.planes.normal, self.plane[c])
@@ -66,14 +66,14 @@ class Contact(NamedTuple):
 
     def begin(self, state, h):
         reset(self.law)
-        self.count[0] = 0
+        self.filled[0] = 0
         for k in range(self.planes.offset.shape[0]):
             for a in range(self.candidates.shape[0]):
                 find_contact(self, state.particles, self.candidates[a], k)
 
     def end(self, state, h):
         """Restitution and Coulomb friction on the velocities of colliding particles."""
-        for c in range(self.count[0]):
+        for c in range(self.filled[0]):
             if self.law.push[c] > 0.0:
                 change_velocity(self, state.particles, c, h)
 
@@ -88,8 +88,8 @@ def find_contact(contact, particles, i, k):
         if height(planes, k, target) >= 0.0:
             return
         point = closest_point(planes, k, target)
-    c = contact.count[0]
-    contact.count[0] = c + 1
+    c = contact.filled[0]
+    contact.filled[0] = c + 1
     contact.particle[c] = i
     contact.plane[c] = k
     store(contact.point, c, point)
@@ -161,11 +161,17 @@ def plane_contact(
         raise InvalidInput("gravity", gravity, "finite and >= 0 m/s^2")
     tested = indices("candidates", np.arange(n) if candidates is None else candidates, n)
     tested = tested[particles.w[tested] > 0.0]
-    planes = Planes(to_store(normals / lengths[:, None]), broadcast("offset", offset, (len(normals),)))
     slots = len(tested) * len(normals)
-    whole = [np.zeros(slots, dtype=np.int64) for _ in range(2)]
-    point = to_store(np.zeros((slots, d)))
     return Contact(
-        planes, float(friction), float(restitution), float(gravity), tested, np.zeros(1, dtype=np.int64), *whole, point,
-        np.zeros(slots), Pushes(np.zeros(slots)),
+        planes=Planes(to_store(normals / lengths[:, None]), broadcast("offset", offset, (len(normals),))),
+        friction=float(friction),
+        restitution=float(restitution),
+        gravity=float(gravity),
+        candidates=tested,
+        filled=np.zeros(1, dtype=np.int64),
+        particle=np.zeros(slots, dtype=np.int64),
+        plane=np.zeros(slots, dtype=np.int64),
+        point=zeros(slots, d),
+        speed=np.zeros(slots),
+        law=Pushes(np.zeros(slots)),
     )

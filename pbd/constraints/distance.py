@@ -82,5 +82,7 @@ def _select(law: Any, kept: np.ndarray) -> Any:
     """The law without the entries of dropped constraints."""
     if kept.all():
         return law
-    changes = {name: value[kept] for name, value in vars(law).items() if isinstance(value, np.ndarray) and value.ndim == 1}
+    changes = {
+        name: value[kept] for name, value in vars(law).items() if isinstance(value, np.ndarray) and value.ndim == 1
+    }
     return type(law)(**{**vars(law), **changes})

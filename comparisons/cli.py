@@ -1,0 +1,212 @@
+"""The command ``pbdbench``: the composition root, which alone joins studies and reports.
+
+Everything heavy is imported when it is needed, so that ``--help`` answers at once.
+Exit codes: 0 ok, 2 bad input, 3 runs crashed or timed out, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from comparisons import catalog
+from pbd.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from comparisons.study import Study
+
+BAD_INPUT, LOST_RUNS, INTERRUPTED = 2, 3, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.action(options))
+    except InvalidInput as error:
+        print(f"pbdbench: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except OSError as error:
+        print(f"pbdbench: {error.filename or 'output'}: {error.strerror}; give another place with -o", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("pbdbench: interrupted; what was finished is kept", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="pbdbench", description="How accurate and how fast is a PBD solver?")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    report = commands.add_parser("report", help="run the main job and write the report")
+    report.add_argument("-o", dest="directory", type=Path, default=Path("build/report"), help="default build/report")
+    report.set_defaults(action=_report)
+    commands.add_parser("list", help="list scenes, engines, metrics and studies").set_defaults(action=_list)
+    one = commands.add_parser("run", help="run one scene in one engine and print its record")
+    one.add_argument("--engine", required=True, metavar="E", help="one of: " + ", ".join(catalog.names("engines")))
+    one.add_argument("--preset", default="default", help="the engine's preset; default: default")
+    one.set_defaults(action=_run)
+    _common(one)
+    for name in catalog.names("studies"):
+        study = commands.add_parser(name, help=_summary(name))
+        study.add_argument("--engines", metavar="A,B", help="default: all")
+        study.add_argument("-o", dest="directory", type=Path, metavar="DIR", help="write figures and records there")
+        study.set_defaults(action=_study, study=name)
+        _common(study)
+    return parser
+
+
+def _common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", metavar="SCENE", help="one of: " + ", ".join(catalog.names("scenes")))
+    parser.add_argument(
+        "--set",
+        dest="changes",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="scene.links=10, pymunk.iterations=50, dt=0.001; may be repeated",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the records there")
+
+
+def _summary(name: str) -> str:
+    """The first line of a study's docstring, read without importing it."""
+    source = (Path(__file__).parent / "studies" / f"{name}.py").read_text(encoding="utf-8")
+    return (ast.get_docstring(ast.parse(source)) or "").split("\n")[0].rstrip(".")
+
+
+# ------------------------------------------------------------------ actions
+
+
+def _list(_: argparse.Namespace) -> int:
+    from comparisons import engine
+
+    for kind in ("scenes", "engines", "metrics", "studies"):
+        print(f"{kind}:")
+        for name in catalog.names(kind):
+            remedy = engine.load(name).missing() if kind == "engines" else ""
+            print(f"  {name}" + (f"  (absent: {remedy})" if remedy else ""))
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    import msgspec
+
+    from comparisons.record import RunSpec
+    from comparisons.run import execute
+    from comparisons.study import write_atomically
+
+    scene, engines, rest = _changes(options, [options.engine])
+    settings = {**engines.get(options.engine, {}), **_engine_settings(options.engine, rest)}
+    spec = RunSpec(
+        scene=options.scene, engine=options.engine, parameters=scene, preset=options.preset, settings=settings
+    )
+    record = execute(spec)
+    text = msgspec.json.format(msgspec.json.encode(record), indent=2)
+    if options.json:
+        write_atomically(options.json, text)
+    print(text.decode())
+    return LOST_RUNS if record.status.code in ("crashed", "timeout") else 0
+
+
+def _study(options: argparse.Namespace) -> int:
+    module = catalog.load("studies", options.study)
+    names = options.engines.split(",") if options.engines else None
+    scene, settings, rest = _changes(options, names or catalog.names("engines"))
+    study: Study = module.run(options.scene, scene=scene, engines=names, settings=settings, **_arguments(module, rest))
+    if options.json:
+        study.to_json(options.json)
+    if options.directory:
+        study.to_json(options.directory / f"{study.kind}.json")
+        for ending in ("png", "svg"):
+            study.plot(options.directory / f"{study.kind}.{ending}")
+        print(f"figures and records: {options.directory}")
+    print(study.table())
+    for omission in study.omissions:
+        print(f"left out: {omission.engine}, {omission.reason}; {omission.remedy}")
+    print("\n".join(study.sentences))
+    lost = any(record.status.code in ("crashed", "timeout") for record in study.records)
+    return LOST_RUNS if lost else 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    from comparisons import main_job, store
+
+    store.open_file(options.directory.parent / "runs.sqlite")
+    studies = main_job.run()
+    from reports import page
+
+    print(f"report: {page.write(studies, options.directory)}")
+    return 0
+
+
+# ------------------------------------------------------------------ --set
+
+
+def _changes(options: argparse.Namespace, engines: list[str]) -> tuple[dict, dict[str, dict], dict[str, str]]:
+    """(scene parameters, engine -> settings, what has no prefix) of all --set."""
+    from comparisons import engine
+    from pbd import fields
+    from pbd.errors import unknown
+
+    scene_rules = fields.rules(catalog.load("scenes", options.scene).Parameters)
+    scene: dict[str, Any] = {}
+    settings: dict[str, dict[str, Any]] = {}
+    rest: dict[str, str] = {}
+    for change in options.changes:
+        key, equals, text = change.partition("=")
+        owner, dot, name = key.partition(".")
+        if not equals:
+            raise InvalidInput("--set", change, "of the form KEY=VALUE")
+        if not dot:
+            rest[key] = text
+        elif owner == "scene":
+            if name not in scene_rules:
+                raise unknown("scene parameter", name, scene_rules)
+            scene[name] = fields.parse(key, scene_rules[name], text)
+        elif owner in engines:
+            settings.setdefault(owner, {}).update(_engine_settings(owner, {name: text}))
+        else:
+            engine.load(owner)
+            raise unknown("--set", owner, ["scene", *engines])
+    return scene, settings, rest
+
+
+def _engine_settings(name: str, texts: dict[str, str]) -> dict[str, Any]:
+    from comparisons import engine
+    from pbd import fields
+    from pbd.errors import unknown
+
+    rules = fields.rules(engine.load(name).Settings)
+    for key in texts:
+        if key not in rules:
+            raise unknown(f"{name} setting", key, rules)
+    return {key: fields.parse(f"{name}.{key}", rules[key], text) for key, text in texts.items()}
+
+
+def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:
+    """Keyword arguments of a study: numbers, or lists of numbers for what it sweeps."""
+    import inspect
+
+    from pbd.errors import unknown
+
+    signature = inspect.signature(module.run).parameters
+    known = {key: str(p.annotation) for key, p in signature.items() if "float" in str(p.annotation) or "int" in str(p.annotation)}
+    found: dict[str, Any] = {}
+    for key, text in texts.items():
+        if key not in known:
+            raise unknown("--set", key, [*known, "scene.NAME", "ENGINE.NAME"])
+        kind = int if "int" in known[key] else float
+        try:
+            values = [kind(part) for part in text.split(",") if part.strip()]
+        except ValueError:
+            raise InvalidInput(key, text, f"{'a whole number' if kind is int else 'a number'}, or several with commas") from None
+        found[key] = values if "Sequence" in known[key] else values[0] if values else None
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""What an engine must never be handed: several abort the process, or go on silently, on such numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from comparisons.scene import Scene, Springs
+from pbd.errors import InvalidInput
+
+
+def check_scene(scene: Scene) -> None:
+    """Raise `InvalidInput`, which names the array, for a number that is not finite or not positive."""
+    masses = scene.masses
+    _check("scene.masses.positions", masses.positions, "m")
+    _check("scene.masses.velocities", masses.velocities, "m/s")
+    _check("scene.masses.masses", masses.masses, "kg", positive=True)
+    _check("scene.gravity", scene.gravity, "m/s^2")
+    for link in scene.links:
+        _check("scene.links.lengths", link.lengths, "m", positive=True)
+        if isinstance(link, Springs):
+            _check("scene.links.compliances", link.compliances, "m/N", positive=True)
+
+
+def _check(field: str, values: Any, unit: str, positive: bool = False) -> None:
+    array = np.asarray(values, dtype=float).ravel()
+    bad = ~np.isfinite(array) | ((array <= 0.0) if positive else False)
+    if bad.any():
+        index = int(np.argmax(bad))
+        allowed = f"finite numbers{' > 0' if positive else ''} {unit}"
+        raise InvalidInput(field, float(array[index]), allowed, f"it is number {index}")

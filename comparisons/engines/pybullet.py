@@ -1,0 +1,160 @@
+"""PyBullet: Bullet in double precision, through its in-process client. Rigid serial planar chains only.
+
+A step kicks first and moves after: v <- v + h a(x, v), then x <- x + h v. Two formulations of a chain:
+
+articulated : one multi-body in joint angles (Featherstone), each mass at the far end of its massless link.
+point_to_point : free dumbbell rods held together by ball joints, which Gauss-Seidel solves; a rod with
+    end masses a (near) and b (far) is one body of mass a + b at b L / (a + b) from its near end.
+
+With ``half_kick`` v lives half a step before x: leapfrog. The scene's plane is z = 0.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from comparisons.engines._checks import check_scene
+from comparisons.engines._pybullet_worlds import Articulated, PointToPoint, World
+from comparisons.scene import Rods, Scene, Springs
+from comparisons.trajectory import Trajectory, from_samples
+from pbd import fields
+
+TITLE = "PyBullet"
+FOREIGN = True
+
+MAX_ARTICULATED_LINKS = 127
+"""createMultiBody drops what is beyond, silently."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """``iterations`` and ``erp`` apply to point_to_point, ``max_joint_velocity`` to articulated."""
+
+    formulation: str = fields.choice("articulated", ("articulated", "point_to_point"), "of the chain")
+    dt: float = fields.real(1e-3, "s", 1e-12, 1e3, "time step")
+    damping: float = fields.real(0.04, "1/s", 0.0, 1e6, "linear and angular damping of bodies")
+    max_joint_velocity: float = fields.real(100.0, "rad/s", 0.0, 1e30, "joint rates are clamped to it", above=True)
+    iterations: int = fields.whole(50, 1, 1_000_000, "solver iterations in each step")
+    erp: float = fields.real(0.2, "1", 0.0, 1.0, "part of a joint's error that one step corrects")
+    half_kick: bool = fields.flag(False, "start with half a step: leapfrog")
+
+    def __post_init__(self) -> None:
+        fields.check(self, "settings")
+
+
+_UNDAMPED: dict[str, Any] = {"damping": 0.0, "max_joint_velocity": 1e30, "erp": 1.0, "half_kick": True}
+PRESETS: dict[str, dict[str, Any]] = {"default": {}, "matched": _UNDAMPED}
+SWEEP: list[dict[str, Any]] = [
+    {"formulation": "articulated"},
+    {"formulation": "point_to_point", "iterations": 50},
+    {"formulation": "point_to_point", "iterations": 500},
+]
+
+
+def missing() -> str:
+    from importlib.util import find_spec
+
+    return "" if find_spec("pybullet") else "use Python 3.11 on Linux x86-64, then pip install pybullet"
+
+
+def version() -> str:
+    from importlib.metadata import version as installed
+
+    return installed("pybullet")
+
+
+def unsupported(scene: Scene, settings: Settings) -> str:
+    """Raises `InvalidInput` for numbers that Bullet would take silently."""
+    check_scene(scene)
+    masses, links = scene.masses, scene.links
+    n = len(masses.masses) - 1
+    if len(scene.gravity) != 2:
+        return "the adapter embeds planar scenes only"
+    if scene.of(Springs):
+        return "pybullet has no compliant distance joint"
+    if n < 0:
+        return ""
+    serial = np.column_stack([np.arange(n), np.arange(1, n + 1)])
+    if masses.pinned != (0,) or len(links) != 1 or not isinstance(links[0], Rods):
+        return "the adapter takes one chain of rods, anchored at particle 0"
+    if not np.array_equal(links[0].pairs, serial):
+        return "the adapter takes serial chains only"
+    if not np.allclose(np.linalg.norm(np.diff(masses.positions, axis=0), axis=1), links[0].lengths, rtol=1e-9):
+        return "a link of rigid bodies cannot start stretched"
+    if settings.formulation == "articulated" and n > MAX_ARTICULATED_LINKS:
+        return f"pybullet's articulated bodies have at most {MAX_ARTICULATED_LINKS} links"
+    return ""
+
+
+def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
+    """Build the world in a client of its own, which disconnects when the returned run is dropped: never timed."""
+    import pybullet as bullet
+
+    check_scene(scene)
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        run = _runner(_build(client, scene, settings), scene, settings)
+    except BaseException:
+        bullet.disconnect(client)
+        raise
+    weakref.finalize(run, bullet.disconnect, client)
+    return run
+
+
+def _build(client: int, scene: Scene, settings: Settings) -> World:
+    import pybullet as bullet
+
+    bullet.setGravity(*map(float, scene.gravity), 0.0, physicsClientId=client)
+    bullet.setPhysicsEngineParameter(
+        fixedTimeStep=settings.dt,
+        numSolverIterations=settings.iterations,
+        solverResidualThreshold=0.0,
+        erp=settings.erp,
+        physicsClientId=client,
+    )
+    articulated = settings.formulation == "articulated" and len(scene.masses.masses) > 1
+    world = (Articulated if articulated else PointToPoint)(client, scene, settings)
+    if settings.half_kick:
+        _half_kick(world, settings.dt)
+    return world
+
+
+def _half_kick(world: World, dt: float) -> None:
+    """Bring the rates to -h/2, from what a step of h/2 changes them by."""
+    import pybullet as bullet
+
+    coordinates, rates = world.read()
+    bullet.setTimeStep(0.5 * dt, world.client)
+    bullet.stepSimulation(world.client)
+    bullet.setTimeStep(dt, world.client)
+    world.write(coordinates, 2.0 * rates - world.read()[1])
+
+
+def _runner(world: World, scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
+    """With a half kick the rates at a sample are the mean of those half a step before and after it."""
+    import pybullet as bullet
+
+    step, read, client, half_kick = bullet.stepSimulation, world.read, world.client, settings.half_kick
+    every, times = scene.steps_per_sample(settings.dt), scene.times
+    states = np.repeat(world.read()[None], len(times), axis=0)
+
+    def run() -> Trajectory:
+        ahead = 0
+        for k in range(1, len(times)):
+            for _ in range(every - ahead):
+                step(client)
+            states[k] = read()
+            if half_kick:
+                step(client)
+                states[k, 1] = 0.5 * (states[k, 1] + read()[1])
+                ahead = 1
+        positions, velocities = world.ends(states)
+        positions[0], velocities[0] = scene.masses.positions, scene.masses.velocities
+        return from_samples(times, positions, velocities, every * scene.samples)
+
+    return run

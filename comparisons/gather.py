@@ -1,0 +1,165 @@
+"""How studies run many specs: each engine in its own worker, errors first, then times, interleaved.
+
+The error pass uses both cores, engine beside engine; the time pass runs alone, in rounds over all engines,
+and keeps the minimum. Records come from the store where it has them; times never do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import msgspec
+
+from comparisons import engine, store
+from comparisons.isolation import Lost, Worker, workers
+from comparisons.progress import Progress
+from comparisons.record import Record, RunSpec, Seconds
+from comparisons.run import build_scene, execute
+from comparisons.study import Omission
+from pbd import fields
+
+PARALLEL = 2
+ROUNDS = 3
+FLOOR_GAIN = 0.8
+"""Two refinements in a row that left more than this share of the error have met a floor."""
+
+MAX_LEVELS = 16
+
+Ladder = Callable[[list[Record]], RunSpec | None]
+"""Gives the next spec from the records so far, or None at its end."""
+
+
+class Gatherer:
+    """Runs specs for a study; a context manager that owns the workers."""
+
+    def __init__(self, engines: Iterable[str], title: str, *, quiet: bool = False) -> None:
+        self.engines = list(engines)
+        for name in self.engines:
+            engine.load(name)
+        self.omissions: list[Omission] = []
+        self._title, self._quiet = title, quiet
+
+    def __enter__(self) -> Gatherer:
+        self._context = workers(self.engines)
+        self._workers: dict[str, Worker] = self._context.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._context.__exit__(*error)
+
+    def groups(self, ladders: dict[str, list[Ladder]]) -> dict[str, list[list[Record]]]:
+        """The records of all ladders, given by engine and in their order; engines run beside each other."""
+        total = sum(len(each) for each in ladders.values())
+        with Progress(f"{self._title}, errors", total, quiet=self._quiet) as progress:
+
+            def climb(name: str) -> list[list[Record]]:
+                found = []
+                for ladder in ladders[name]:
+                    found.append(self._climb(ladder))
+                    progress.advance()
+                return found
+
+            with ThreadPoolExecutor(PARALLEL) as pool:
+                done = dict(zip(ladders, pool.map(climb, ladders), strict=True))
+        self._note_omissions([record for groups in done.values() for group in groups for record in group])
+        return done
+
+    def _climb(self, ladder: Ladder) -> list[Record]:
+        found: list[Record] = []
+        while (spec := ladder(found)) is not None:
+            found.append(self._record(spec))
+        return found
+
+    def _record(self, spec: RunSpec) -> Record:
+        record = store.load_record(spec)
+        if record is None:
+            record = execute(spec, self._workers[spec.engine].run)
+            store.save_record(spec, record)
+        return record
+
+    def times(self, records: list[Record], rounds: int = ROUNDS) -> list[Record]:
+        """The records with the run time of each that is ok: minimum over interleaved rounds."""
+        timed = [record for record in records if record.status.code == "ok"]
+        gross: dict[str, float] = {}
+        net: dict[str, float] = {}
+        with Progress(f"{self._title}, times", len(timed) * rounds, quiet=self._quiet) as progress:
+            for _ in range(rounds):
+                for record in timed:
+                    self._time(record, gross, net)
+                    progress.advance()
+        return [_with_seconds(record, gross, net, rounds) for record in records]
+
+    def _time(self, record: Record, gross: dict[str, float], overhead: dict[str, float]) -> None:
+        worker, spec = self._workers[record.engine], spec_of(record)
+        try:
+            one = worker.seconds(spec)
+            empty = worker.seconds(spec, overhead=True)
+        except Lost:
+            return
+        gross[record.key] = min(one, gross.get(record.key, one))
+        overhead[record.key] = min(empty, overhead.get(record.key, empty))
+
+    def _note_omissions(self, records: list[Record]) -> None:
+        for name in self.engines:
+            mine = [record for record in records if record.engine == name]
+            if mine and all(record.status.code in ("unsupported", "refused", "crashed", "timeout") for record in mine):
+                status = mine[0].status
+                self.omissions.append(Omission(name, status.quantity, status.remedy))
+
+
+def _with_seconds(record: Record, gross: dict[str, float], overhead: dict[str, float], rounds: int) -> Record:
+    if record.key not in gross:
+        return record
+    seconds = Seconds(min=gross[record.key], repeats=rounds, overhead=overhead[record.key])
+    return msgspec.structs.replace(record, seconds=seconds)
+
+
+def spec_of(record: Record) -> RunSpec:
+    """The spec that gave a record; its settings are complete, so the preset changes nothing."""
+    return RunSpec(
+        scene=record.scene,
+        engine=record.engine,
+        parameters=record.parameters,
+        preset=record.preset,
+        settings=record.settings,
+        seed=record.seed,
+    )
+
+
+def descend(base: RunSpec, dts: list[float] | None, cap: float) -> Ladder:
+    """A ladder over time steps: the given ones, or halving from the sample interval down.
+
+    Without a list it ends before a run would take longer than ``cap`` seconds, at a floor, or after
+    MAX_LEVELS levels.
+    """
+    if "dt" not in fields.rules(engine.load(base.engine).Settings):
+        return once(base)
+    scene = build_scene(base.scene, base.parameters)
+    start = scene.duration / scene.samples
+
+    def following(found: list[Record]) -> RunSpec | None:
+        k = len(found)
+        if dts is not None:
+            dt = dts[k] if k < len(dts) else None
+        else:
+            dt = start / 2**k if _goes_on(found, cap) else None
+        return None if dt is None else msgspec.structs.replace(base, settings={**base.settings, "dt": dt})
+
+    return following
+
+
+def _goes_on(found: list[Record], cap: float) -> bool:
+    if not found:
+        return True
+    if len(found) == MAX_LEVELS or found[-1].status.code not in ("ok", "drifting", "diverged"):
+        return False
+    errors = [record.metric("position_error") for record in found[-3:]]
+    at_floor = len(errors) == 3 and errors[2] > FLOOR_GAIN * errors[1] and errors[1] > FLOOR_GAIN * errors[0]
+    return not at_floor and 2.0 * found[-1].wall <= cap
+
+
+def once(spec: RunSpec) -> Ladder:
+    """The ladder of one run."""
+    return lambda found: None if found else spec

@@ -1,0 +1,165 @@
+"""Error against time step, sub-steps and iterations, with fitted orders."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from comparisons import catalog, engine
+from comparisons.fit import Fit, fit_order
+from comparisons.gather import Gatherer, Ladder, descend
+from comparisons.record import Record, RunSpec
+from comparisons.run import bind, build_scene
+from comparisons.study import Panel, Series, Study, head, variant
+from pbd import fields
+from pbd.errors import InvalidInput, unknown
+
+SUMMARY = "error against time step, sub-steps and iterations, with fitted orders"
+CAP = 1.0
+"""Seconds that a run may take where the time steps are not given."""
+
+COUNTS = (1, 2, 4, 8, 16, 32, 64, 128)
+AXES = {"dt": "time step [s]", "substeps": "sub-steps in each step", "iterations": "iterations in each step"}
+
+
+def run(
+    scene_name: str,
+    *,
+    scene: Mapping[str, Any] | None = None,
+    engines: Sequence[str] | None = None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    dt: Sequence[float] | None = None,
+    substeps: Sequence[int] | None = COUNTS,
+    iterations: Sequence[int] | None = COUNTS,
+    cap: float = CAP,
+    quiet: bool = False,
+) -> Study:
+    """Measure position errors along each axis and fit orders.
+
+    Parameters
+    ----------
+    scene_name : e.g. "pendulum_chain"
+    scene : the scene's parameters that differ from its defaults
+    engines : names; default all
+    settings : engine -> settings that differ from its preset
+    dt : time steps [s], each a whole fraction of the sample interval; default halvings while a run takes less
+        than ``cap`` seconds
+    substeps, iterations : counts, tried with the engines that have such a setting, at the time step of
+        the settings or else the sample interval; None or empty skips the axis
+
+    Raises
+    ------
+    InvalidInput : before anything runs
+    """
+    parameters, changes = dict(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
+    names = list(engines or filter(_steps, catalog.names("engines")))
+    for name in changes:
+        if name not in names:
+            raise unknown("settings", name, names)
+    counts = {"substeps": substeps, "iterations": iterations}
+    bases = [base for name in names for base in variants(scene_name, parameters, name, changes.get(name, {}))]
+    _check(bases, dt)
+    ladders: dict[str, list[Ladder]] = {name: [] for name in names}
+    plan: list[tuple[str, RunSpec]] = []
+    for base in bases:
+        ladders[base.engine].append(descend(base, list(dt) if dt is not None else None, cap))
+        plan.append(("dt", base))
+    for axis, values in counts.items():
+        for base in bases:
+            if values and axis not in changes.get(base.engine, {}) and _varies(base, axis):
+                ladders[base.engine].append(_counts(base, axis, values))
+                plan.append((axis, base))
+    with Gatherer(names, f"convergence of {scene_name}", quiet=quiet) as gatherer:
+        groups = gatherer.groups(ladders)
+        omissions = gatherer.omissions
+    ordered = [groups[base.engine].pop(0) for _, base in plan]
+    series = [_series(axis, base, found) for (axis, base), found in zip(plan, ordered, strict=True)]
+    used = {s.panel for s in series if s.x}
+    return Study(
+        kind="convergence",
+        title=f"Convergence of {scene_name}",
+        scene=scene_name,
+        parameters=parameters,
+        head=head(),
+        panels=[
+            Panel(name=a, title=f"error against {a}", x=x, y="position error [m]") for a, x in AXES.items() if a in used
+        ],
+        series=[s for s in series if s.x],
+        records=[record for found in ordered for record in found],
+        omissions=omissions,
+        sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.x and s.fit],
+    )
+
+
+def variants(scene_name: str, parameters: dict[str, Any], name: str, changes: dict[str, Any]) -> list[RunSpec]:
+    """What is shown of an engine: its VARIANTS, or else its default and its matched preset."""
+    adapter = engine.load(name)
+    metrics = ("position_error", "energy_drift")
+    base = RunSpec(scene=scene_name, engine=name, parameters=parameters, settings=changes, metrics=metrics)
+    if hasattr(adapter, "VARIANTS") and not changes:
+        return [msgspec.structs.replace(base, settings=dict(chosen)) for chosen in adapter.VARIANTS]
+    presets = [preset for preset in ("default", "matched") if preset in adapter.PRESETS]
+    return [msgspec.structs.replace(base, preset=preset) for preset in presets]
+
+
+def _check(bases: list[RunSpec], dts: Sequence[float] | None) -> None:
+    """Refuse bad input before anything runs."""
+    for base in bases:
+        if not _steps(base.engine):
+            raise InvalidInput("engines", base.engine, "engines with a fixed time step")
+        scene = build_scene(base.scene, base.parameters)
+        for dt in dts if dts is not None else [scene.duration / scene.samples]:
+            bind(msgspec.structs.replace(base, settings={**base.settings, "dt": dt}))
+    if dts is not None and len(set(dts)) != len(dts):
+        raise InvalidInput("dt", list(dts), "different time steps")
+
+
+def _steps(name: str) -> bool:
+    return "dt" in fields.rules(engine.load(name).Settings)
+
+
+def _varies(base: RunSpec, axis: str) -> bool:
+    """Whether an engine has the setting and its method leaves it free."""
+    if axis not in fields.rules(engine.load(base.engine).Settings):
+        return False
+    fixed = {"small_steps": "iterations", "pbd": "substeps", "xpbd": "substeps"}
+    return fixed.get(base.settings.get("method", "")) != axis
+
+
+def _counts(base: RunSpec, axis: str, values: Sequence[int]) -> Ladder:
+    scene = build_scene(base.scene, base.parameters)
+    dt = base.settings.get("dt", scene.duration / scene.samples)
+
+    def following(found: list[Record]) -> RunSpec | None:
+        if len(found) == len(values):
+            return None
+        return msgspec.structs.replace(base, settings={**base.settings, "dt": dt, axis: values[len(found)]})
+
+    return following
+
+
+def _series(axis: str, base: RunSpec, found: list[Record]) -> Series:
+    """One line of the plot; iterations and sub-steps are fitted over 1/n."""
+    points = [
+        (float(record.settings[axis]), record.metric("position_error"))
+        for record in found
+        if math.isfinite(record.metric("position_error"))
+    ]
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    fit: Fit = fit_order(xs if axis == "dt" else [1.0 / x for x in xs], ys)
+    usual = dataclasses.asdict(engine.make_settings(base.engine, base.preset, {}))
+    shown = msgspec.structs.replace(found[0], settings={**found[0].settings, "dt": usual["dt"], axis: usual[axis]})
+    return Series(
+        panel=axis,
+        label=f"{engine.load(base.engine).TITLE} {variant(shown)}",
+        engine=base.engine,
+        method=str(base.settings.get("method", base.engine)),
+        preset=base.preset,
+        x=xs,
+        y=ys,
+        fit=fit,
+    )

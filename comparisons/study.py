@@ -1,0 +1,193 @@
+"""What a study gives back: records, the series drawn from them, fits and sentences. Round-trips through JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import msgspec
+
+from comparisons import engine as engines
+from comparisons.fit import Fit
+from comparisons.record import SCHEMA, Record
+from pbd.errors import InvalidInput, unknown
+
+PACKAGES = ("pbdbench", "numpy", "scipy", "numba", "llvmlite", "pymunk", "pybullet", "matplotlib")
+
+
+class Head(msgspec.Struct, frozen=True, kw_only=True):
+    """Where records come from."""
+
+    schema: int = SCHEMA
+    commit: str = ""
+    dirty: bool = False
+    machine: str = ""
+    python: str = ""
+    packages: dict[str, str] = {}
+
+
+class Panel(msgspec.Struct, frozen=True, kw_only=True):
+    """One pair of axes; labels carry the units. Both axes are logarithmic."""
+
+    name: str
+    title: str
+    x: str
+    y: str
+
+
+class Series(msgspec.Struct, frozen=True, kw_only=True):
+    """Points of one engine and setting in one panel, or a closed form (``engine`` empty).
+
+    kind : "measured"; "front", the best of an engine; "points", all settings that were tried; "closed form"
+    """
+
+    panel: str
+    label: str
+    engine: str
+    x: list[float]
+    y: list[float]
+    method: str = ""
+    preset: str = ""
+    kind: str = "measured"
+    fit: Fit | None = None
+
+
+class Omission(msgspec.Struct, frozen=True):
+    """An engine that is not in a plot, why, and what would bring it in."""
+
+    engine: str
+    reason: str
+    remedy: str
+
+
+class Study(msgspec.Struct, frozen=True, kw_only=True):
+    """A finished study."""
+
+    kind: str
+    title: str
+    scene: str
+    parameters: dict
+    head: Head
+    panels: list[Panel]
+    series: list[Series]
+    records: list[Record]
+    omissions: list[Omission] = []
+    sentences: list[str] = []
+
+    def fit(
+        self, engine: str, *, panel: str | None = None, method: str | None = None, preset: str | None = None
+    ) -> Fit:
+        """The fit of the first series of ``engine`` that matches; raises `InvalidInput` where there is none."""
+        fits = [s for s in self.series if s.fit is not None]
+        wanted = {"panel": panel, "method": method, "preset": preset}
+        for series in fits:
+            if series.engine == engine and all(v in (None, getattr(series, k)) for k, v in wanted.items()):
+                assert series.fit is not None
+                return series.fit
+        if engine not in {s.engine for s in fits}:
+            raise unknown("engine", engine, {s.engine for s in fits})
+        given = {k: v for k, v in wanted.items() if v is not None}
+        raise InvalidInput("series", given, "one that this study measured")
+
+    def order(self, engine: str, **which: str) -> float:
+        """The fitted order of `fit`; nan where too few levels are asymptotic."""
+        order = self.fit(engine, **which).order
+        return math.nan if order is None else order
+
+    def table(self) -> str:
+        """All records as aligned text, one a line."""
+        names = sorted({name for record in self.records for name in record.metrics})
+        header = ["engine", "variant", "dt [s]", "steps", "status", *names, "time [s]"]
+        rows = [header, *(_row(record, names) for record in self.records)]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(header))]
+        return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+
+    def to_json(self, path: str | Path) -> None:
+        """Write the study; an existing file is replaced at once, never rewritten in place."""
+        write_atomically(Path(path), msgspec.json.format(msgspec.json.encode(self), indent=1))
+
+    def plot(self, path: str | Path) -> None:
+        """Draw the study into ``path``; the ending, .png or .svg, is the format."""
+        from reports.figures import draw  # the drawing package is loaded only when a plot is asked for
+
+        draw(self, Path(path))
+
+
+def from_json(path: str | Path) -> Study:
+    """Read a study that `Study.to_json` wrote; `InvalidInput` for anything else."""
+    try:
+        study = msgspec.json.decode(Path(path).read_bytes(), type=Study)
+    except (OSError, msgspec.DecodeError) as error:
+        raise InvalidInput(str(path), type(error).__name__, "a study written by to_json", str(error)) from None
+    if study.head.schema != SCHEMA:
+        raise InvalidInput(f"{path}: schema", study.head.schema, f"{SCHEMA}", "write it anew with this version")
+    return study
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write beside ``path`` and move into place."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    partial.write_bytes(content)
+    partial.replace(path)
+
+
+def variant(record: Record) -> str:
+    """What tells a record from others of its engine: in the adapter's words, or preset and what departs from it."""
+    adapter = engines.load(record.engine)
+    if hasattr(adapter, "describe"):
+        return str(adapter.describe(adapter.Settings(**record.settings)))
+    usual = dataclasses.asdict(engines.make_settings(record.engine, record.preset, {}))
+    changed = {k: v for k, v in record.settings.items() if k not in ("dt", "method") and v != usual[k]}
+    relevant = [f"{k}={v:g}" if isinstance(v, float) else f"{k}={v}" for k, v in changed.items()]
+    return " ".join([record.preset, *relevant])
+
+
+def head() -> Head:
+    """The present commit, machine and versions."""
+    root = Path(__file__).resolve().parent.parent
+    packages = {}
+    for name in PACKAGES:
+        try:
+            packages[name] = version(name)
+        except PackageNotFoundError:
+            packages[name] = "absent"
+    machine = f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+    commit = _git(root, "rev-parse", "--short", "HEAD")
+    return Head(
+        commit=commit,
+        dirty=bool(commit and _git(root, "status", "--porcelain")),
+        machine=machine,
+        python=platform.python_version(),
+        packages=packages,
+    )
+
+
+def _git(root: Path, *arguments: str) -> str:
+    try:
+        done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, timeout=10)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "unknown processor"
+    return next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown processor"
+    )
+
+
+def _row(record: Record, names: list[str]) -> list[str]:
+    dt = "" if record.dt is None else f"{record.dt:.4g}"
+    values = [f"{record.metric(name):.3e}" if math.isfinite(record.metric(name)) else "-" for name in names]
+    seconds = f"{record.seconds.min:.3e}" if record.seconds else "-"
+    return [record.engine, variant(record), dt, str(record.steps), record.status.code, *values, seconds]
