@@ -194,7 +194,11 @@ def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:
     from pbd.errors import unknown
 
     signature = inspect.signature(module.run).parameters
-    known = {key: str(p.annotation) for key, p in signature.items() if "float" in str(p.annotation) or "int" in str(p.annotation)}
+    known = {
+        key: str(p.annotation)
+        for key, p in signature.items()
+        if "float" in str(p.annotation) or "int" in str(p.annotation)
+    }
     found: dict[str, Any] = {}
     for key, text in texts.items():
         if key not in known:
@@ -203,7 +207,9 @@ def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:
         try:
             values = [kind(part) for part in text.split(",") if part.strip()]
         except ValueError:
-            raise InvalidInput(key, text, f"{'a whole number' if kind is int else 'a number'}, or several with commas") from None
+            raise InvalidInput(
+                key, text, f"{'a whole number' if kind is int else 'a number'}, or several with commas"
+            ) from None
         found[key] = values if "Sequence" in known[key] else values[0] if values else None
     return found
 

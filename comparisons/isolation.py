@@ -164,6 +164,8 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     spec = msgspec.convert(request["spec"], RunSpec)
     bound = run.bind(spec)
     world = scene.empty(bound.scene) if request.get("overhead") else bound.scene
+    if bound.adapter.FOREIGN:
+        os.dup2(1, 2)  # foreign engines also write to the error stream, from C
     _warm_up(bound, world)
     out = bound.run(world)
     if request["task"] == "time":

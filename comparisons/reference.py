@@ -22,8 +22,8 @@ RTOL, ATOL = 1e-13, 1e-14
 EVALUATIONS = 12
 """Right-hand sides in a step of DOP853."""
 
-PERTURBATION = 1e-7
-GROWTH_LIMIT = 1e5
+PERTURBATION = 1e-9
+GROWTH_LIMIT = 1e4
 """Past the time at which a small perturbation has grown by this factor, an error says nothing about accuracy."""
 
 Derivative = Callable[[float, np.ndarray], np.ndarray]
@@ -48,7 +48,7 @@ def horizon(scene: Scene) -> float:
     """The predictability horizon [s]: when a perturbation of PERTURBATION has grown by GROWTH_LIMIT, or inf."""
     equations = form(scene)
     start = equations.initial
-    kick = np.where(np.arange(len(start)) == equations.perturbed, PERTURBATION, 0.0)
+    kick = PERTURBATION * np.random.default_rng(0).standard_normal(len(start)) * equations.positions
     loose = 1e-3 * PERTURBATION
     one, other = (_integrate(scene, equations, y, loose, loose).positions for y in (start, start + kick))
     growth = np.sqrt(np.mean(np.sum((one - other) ** 2, axis=2), axis=1)) / PERTURBATION
@@ -111,7 +111,7 @@ class ChainAngles:
         theta = np.arctan2(links[:, 0], -links[:, 1])
         rates = np.sum(np.diff(masses.velocities, axis=0) * self._directions(theta)[1], axis=1) / self.lengths
         self.initial = np.concatenate([theta, rates])
-        self.perturbed = 0
+        self.positions = np.repeat([1.0, 0.0], n)  # which of y are positions
 
     @staticmethod
     def _directions(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,7 +157,9 @@ class Cartesian:
         self.w = np.where(self.free[:, 0], 1.0 / scene.masses.masses, 0.0)[:, None]
         self.springs: list[Springs] = scene.of(Springs)
         self.initial = np.concatenate([scene.masses.positions.ravel(), scene.masses.velocities.ravel()])
-        self.perturbed = int(np.argmax(np.repeat(self.free[:, 0], self.shape[1])))
+        self.positions = np.concatenate(
+            [np.repeat(self.free[:, 0], self.shape[1]), np.zeros(self.free.size * self.shape[1])]
+        )
 
     def derivative(self, _: float, y: np.ndarray) -> np.ndarray:
         """y' = (v, g + w f)."""

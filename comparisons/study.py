@@ -32,12 +32,13 @@ class Head(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Panel(msgspec.Struct, frozen=True, kw_only=True):
-    """One pair of axes; labels carry the units. Both axes are logarithmic."""
+    """One pair of axes; labels carry the units. Both axes are logarithmic; nothing below ``lowest`` is drawn."""
 
     name: str
     title: str
     x: str
     y: str
+    lowest: float = 0.0
 
 
 class Series(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,11 +66,25 @@ class Omission(msgspec.Struct, frozen=True):
     remedy: str
 
 
+class Winner(msgspec.Struct, frozen=True, kw_only=True):
+    """Who reaches an error first: engine "" where none does within the budget.
+
+    seconds : engine -> time of its fastest run that is good enough [s]
+    setting : the winner's settings, in words
+    """
+
+    target: float
+    engine: str
+    setting: str
+    seconds: dict[str, float]
+
+
 class Study(msgspec.Struct, frozen=True, kw_only=True):
-    """A finished study."""
+    """A finished study; ``subject`` is its scene in a few words."""
 
     kind: str
     title: str
+    subject: str
     scene: str
     parameters: dict
     head: Head
@@ -78,6 +93,7 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
     records: list[Record]
     omissions: list[Omission] = []
     sentences: list[str] = []
+    winners: list[Winner] = []
 
     def fit(
         self, engine: str, *, panel: str | None = None, method: str | None = None, preset: str | None = None
@@ -118,6 +134,14 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
         draw(self, Path(path))
 
 
+class Chapter(msgspec.Struct, frozen=True, kw_only=True):
+    """Studies that a report shows together: one figure for each panel they share, or one for a single study."""
+
+    heading: str
+    caption: str
+    studies: list[Study]
+
+
 def from_json(path: str | Path) -> Study:
     """Read a study that `Study.to_json` wrote; `InvalidInput` for anything else."""
     try:
@@ -138,14 +162,29 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def variant(record: Record) -> str:
-    """What tells a record from others of its engine: in the adapter's words, or preset and what departs from it."""
+    """A record's settings beside dt: in the adapter's words, or the preset and what departs from it."""
     adapter = engines.load(record.engine)
     if hasattr(adapter, "describe"):
         return str(adapter.describe(adapter.Settings(**record.settings)))
     usual = dataclasses.asdict(engines.make_settings(record.engine, record.preset, {}))
-    changed = {k: v for k, v in record.settings.items() if k not in ("dt", "method") and v != usual[k]}
-    relevant = [f"{k}={v:g}" if isinstance(v, float) else f"{k}={v}" for k, v in changed.items()]
-    return " ".join([record.preset, *relevant])
+    changed = {k: v for k, v in record.settings.items() if k != "dt" and v != usual[k]}
+    return " ".join(
+        [record.preset, *(f"{k}={v:g}" if isinstance(v, float) else f"{k}={v}" for k, v in changed.items())]
+    )
+
+
+def label(record: Record) -> str:
+    """How a line of such records is named: engine and settings."""
+    adapter = engines.load(record.engine)
+    return variant(record) if hasattr(adapter, "describe") else f"{adapter.TITLE}, {variant(record)}"
+
+
+def duration(seconds: float) -> str:
+    """A time in its natural unit."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
 
 
 def head() -> Head:

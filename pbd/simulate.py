@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -142,12 +143,14 @@ class Simulation:
 
         samples : ascending step numbers in [0, steps]; default all
         """
-        at = _sample_steps(steps, samples)
+        if isinstance(steps, bool) or not isinstance(steps, Integral) or not 0 <= steps <= MAX_STEPS:
+            raise InvalidInput("steps", steps, f"a whole number >= 0 and <= {MAX_STEPS:.0e}")
+        at = _sample_steps(int(steps), samples)
         scene = self._scene._replace(state=_copy(self._scene.state))
         state = scene.state
         recordings = tuple(g.new_recording(len(at)) if g is not None else None for g in state[:2])
         settings = self.settings
-        plan = Plan(settings.h, settings.substeps, steps, at, max(1, steps // CHECKS_PER_RUN))
+        plan = Plan(settings.h, settings.substeps, int(steps), at, max(1, int(steps) // CHECKS_PER_RUN))
         done, recorded, broken = simulation(Euler(), self._solver, scene, plan, recordings)
         x, v = recordings[0] or ((np.zeros((len(at), 0)),) * 2,) * 2
         return Outcome(

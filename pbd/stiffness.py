@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from pbd.arrays import real_array
 from pbd.errors import InvalidInput, unknown
 from pbd.projection import AtLeast, AtMost, Compliant, DampedCompliant, Equality, Hard, Scaled
 
@@ -26,7 +27,10 @@ def corrected(k: Any, iterations: int) -> Any:
     Source: Mueller et al. 2006, section 3.3. Limits: a chain's residual still depends (a little) on n_s,
     and every k-law depends on the time step.
     """
-    return -np.expm1(np.log1p(-np.minimum(k, 1.0 - 1e-300)) / iterations) if iterations != 1 else k
+    if iterations == 1:
+        return k
+    with np.errstate(divide="ignore"):  # k = 1 gives -inf, and then 1 as it should
+        return -np.expm1(np.log1p(-np.asarray(k, dtype=np.float64)) / iterations)
 
 
 def stiffness_of_compliance(compliance: Any, weight: Any, dt: float) -> np.ndarray:
@@ -49,7 +53,7 @@ class Stiffness:
 
     def __post_init__(self) -> None:
         _relation(self.relation)
-        _range("stiffness.k", self.k, 0.0, 1.0, "a number in [0, 1]")
+        object.__setattr__(self, "k", _values("stiffness.k", self.k, 1.0, "a number in [0, 1]"))
 
     def bind(self, count: int, iterations: int) -> Any:
         """The kernel's law for ``count`` constraints under ``iterations`` iterations."""
@@ -57,9 +61,7 @@ class Stiffness:
         k = _per_constraint("stiffness.k", self.k, count)
         if np.all(k == 1.0):
             return Hard(relation)
-        if not self.raw:
-            k = np.where(k == 1.0, 1.0, corrected(k, iterations))
-        return Scaled(relation, k)
+        return Scaled(relation, k if self.raw else corrected(k, iterations))
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ class Compliance:
 
     def __post_init__(self) -> None:
         _relation(self.relation)
-        _range("compliance.alpha", self.alpha, 0.0, math.inf, "finite and >= 0 m/N")
-        _range("compliance.beta", self.beta, 0.0, math.inf, "finite and >= 0 N s/m")
+        object.__setattr__(self, "alpha", _values("compliance.alpha", self.alpha, math.inf, "finite and >= 0 m/N"))
+        object.__setattr__(self, "beta", _values("compliance.beta", self.beta, math.inf, "finite and >= 0 N s/m"))
 
     def bind(self, count: int, iterations: int) -> Any:
         """The kernel's law for ``count`` constraints; XPBD needs no number of iterations."""
@@ -93,11 +95,16 @@ def _relation(name: str) -> None:
         raise unknown("relation", name, RELATIONS)
 
 
-def _range(field: str, values: Any, low: float, high: float, allowed: str) -> None:
-    array = np.asarray(values, dtype=np.float64)
-    bad = array[~((array >= low) & (array <= high) & np.isfinite(array))]
+def _values(field: str, values: Any, high: float, allowed: str) -> float | np.ndarray:
+    """One number, or an own array of them, checked to be finite and in [0, high]."""
+    try:
+        array = real_array(field, values)
+    except InvalidInput as error:
+        raise InvalidInput(error.field, error.value, allowed) from None
+    bad = array[~((array >= 0.0) & (array <= high))]
     if bad.size:
         raise InvalidInput(field, float(bad.flat[0]), allowed)
+    return array if array.ndim else float(array)
 
 
 def _per_constraint(field: str, values: Any, count: int) -> np.ndarray:

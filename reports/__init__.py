@@ -1,0 +1,1 @@
+"""Reads frozen study records and draws them; never runs anything."""

@@ -15,8 +15,6 @@ from comparisons.scene import Rods, Scene
 
 AXIS = (0.0, 0.0, 1.0)
 UNROTATED = (0.0, 0.0, 0.0, 1.0)
-STRONG = 1e12
-"""Force that a ball joint may apply [N]: no limit in practice."""
 
 
 class World(Protocol):
@@ -158,8 +156,9 @@ class PointToPoint(Chain):
         parents = [anchor, *self._bodies[:-1]]
         pivots = [0.0, *(-self.far[:-1])]
         for parent, body, above, below in zip(parents, self._bodies, pivots, self.near):
-            # the moving body comes first: with a static parent the constraint is not made
-            joint = bullet.createConstraint(
+            # the moving body comes first: with the world as its child the constraint is not made;
+            # its erp is the engine's, and its force unlimited, as changeConstraint does nothing to such bodies
+            bullet.createConstraint(
                 body,
                 -1,
                 parent,
@@ -170,7 +169,6 @@ class PointToPoint(Chain):
                 [0.0, float(above), 0.0],
                 physicsClientId=self.client,
             )
-            bullet.changeConstraint(joint, maxForce=STRONG, erp=self.settings.erp, physicsClientId=self.client)
 
     def read(self) -> np.ndarray:
         import pybullet as bullet

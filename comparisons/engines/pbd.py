@@ -38,7 +38,7 @@ class Settings:
             raise InvalidInput("settings.method", self.method, "pbd where k or raw is set", "XPBD takes compliance")
 
 
-NAMES = {"pbd": "2006", "xpbd": "XPBD", "small_steps": "Small Steps"}
+NAMES = {"pbd": "PBD 2006", "xpbd": "XPBD", "small_steps": "Small Steps"}
 
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},

@@ -67,7 +67,7 @@ def build(parameters: Parameters) -> Scene:
     rigid = not np.any(compliances)
     return Scene(
         name="pendulum_chain",
-        title=f"chain of {parameters.links} {'rigid' if rigid else 'compliant'} link{'s' * (parameters.links > 1)}",
+        title=f"{parameters.links} {'rigid' if rigid else 'compliant'} link{'s' * (parameters.links > 1)}, {parameters.duration:g} s",
         masses=PointMasses(positions, np.zeros_like(positions), masses, pinned=(0,)),
         links=(Rods(pairs, lengths) if rigid else Springs(pairs, lengths, compliances),),
         gravity=np.array([0.0, -parameters.gravity]),

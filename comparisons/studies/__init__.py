@@ -1,1 +1,1 @@
-"""One file a study, which is one subcommand: SUMMARY and run(scene, ...) -> Study."""
+"""One file a study, which is one subcommand: run(scene, ...) -> Study; its docstring's first line is its help."""

@@ -14,11 +14,10 @@ from comparisons.fit import Fit, fit_order
 from comparisons.gather import Gatherer, Ladder, descend
 from comparisons.record import Record, RunSpec
 from comparisons.run import bind, build_scene
-from comparisons.study import Panel, Series, Study, head, variant
+from comparisons.study import Panel, Series, Study, head, label
 from pbd import fields
 from pbd.errors import InvalidInput, unknown
 
-SUMMARY = "error against time step, sub-steps and iterations, with fitted orders"
 CAP = 1.0
 """Seconds that a run may take where the time steps are not given."""
 
@@ -63,6 +62,7 @@ def run(
     counts = {"substeps": substeps, "iterations": iterations}
     bases = [base for name in names for base in variants(scene_name, parameters, name, changes.get(name, {}))]
     _check(bases, dt)
+    subject = build_scene(scene_name, parameters).title
     ladders: dict[str, list[Ladder]] = {name: [] for name in names}
     plan: list[tuple[str, RunSpec]] = []
     for base in bases:
@@ -73,7 +73,7 @@ def run(
             if values and axis not in changes.get(base.engine, {}) and _varies(base, axis):
                 ladders[base.engine].append(_counts(base, axis, values))
                 plan.append((axis, base))
-    with Gatherer(names, f"convergence of {scene_name}", quiet=quiet) as gatherer:
+    with Gatherer(names, f"convergence, {subject}", quiet=quiet) as gatherer:
         groups = gatherer.groups(ladders)
         omissions = gatherer.omissions
     ordered = [groups[base.engine].pop(0) for _, base in plan]
@@ -81,7 +81,8 @@ def run(
     used = {s.panel for s in series if s.x}
     return Study(
         kind="convergence",
-        title=f"Convergence of {scene_name}",
+        title=f"Convergence: {subject}",
+        subject=subject,
         scene=scene_name,
         parameters=parameters,
         head=head(),
@@ -155,7 +156,7 @@ def _series(axis: str, base: RunSpec, found: list[Record]) -> Series:
     shown = msgspec.structs.replace(found[0], settings={**found[0].settings, "dt": usual["dt"], axis: usual[axis]})
     return Series(
         panel=axis,
-        label=f"{engine.load(base.engine).TITLE} {variant(shown)}",
+        label=label(shown),
         engine=base.engine,
         method=str(base.settings.get("method", base.engine)),
         preset=base.preset,

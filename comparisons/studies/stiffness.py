@@ -24,7 +24,6 @@ from comparisons.run import bind
 from comparisons.study import Omission, Panel, Series, Study, head
 from pbd.errors import InvalidInput
 
-SUMMARY = "k' against raw k, XPBD's compliance and a Newtonian spring, over 1 to 100 iterations"
 ITERATIONS = (1, 2, 3, 5, 10, 20, 30, 50, 100)
 STIFFNESS = 0.4
 """At 0.5 the Newtonian spring of equal compliance happens to leave exactly nothing after its one step."""
@@ -91,6 +90,7 @@ def run(
     return Study(
         kind="stiffness",
         title=f"What stiffness k = {k:g} does, at dt = {dt:.4g} s",
+        subject="stiffness",
         scene=scene_name,
         parameters=dict(scene or {}),
         head=head(),
@@ -120,13 +120,11 @@ def _lines(scene_name: str, chain: dict[str, Any], k: float, dt: float, counts: 
     for panel, links, weight in (("link", 1, 1.0), ("chain", CHAIN, 2.0)):
         parameters = {"links": links, **stretched, **(chain if panel == "chain" else {})}
         case = Case(scene_name, panel, parameters, "link_residual", weight * dt**2 * (1.0 - k) / k / MASS)
-        lines += _case_lines(case, k, dt, counts, 0.0, "")
+        lines += _case_lines(case, k, dt, counts, 0.0)
     alpha = dt**2 * (1.0 - k) / k / MASS
-    for step, suffix in ((dt, ""), (0.5 * dt, ", dt/2")):
+    for panel, step in (("mass", dt), ("mass, dt/2", 0.5 * dt)):
         parameters = {"links": 1, "angles": 0.0, "duration": SETTLE * dt, "samples": 1}
-        lines += _case_lines(
-            Case(scene_name, "mass", parameters, "static_stretch", alpha), k, step, counts, 0.25, suffix
-        )
+        lines += _case_lines(Case(scene_name, panel, parameters, "static_stretch", alpha), k, step, counts, 0.25)
     return lines
 
 
@@ -146,16 +144,16 @@ class Case:
         return RunSpec(scene=self.scene, engine=name, parameters=parameters, settings=settings, metrics=(self.metric,))
 
 
-def _case_lines(case: Case, k: float, dt: float, counts: list[int], damping: float, suffix: str) -> list[Line]:
+def _case_lines(case: Case, k: float, dt: float, counts: list[int], damping: float) -> list[Line]:
     corrected = [case.spec("pbd", dt=dt, k=k, iterations=n) for n in counts]
     raw = [case.spec("pbd", dt=dt, k=k, raw=True, iterations=n) for n in counts]
     xpbd = [case.spec("pbd", springs=True, method="xpbd", dt=dt, iterations=n) for n in counts]
     spring = [case.spec("symplectic_euler", dt=dt, stiffness=1.0 / case.compliance, damping_ratio=damping)]
     return [
-        Line(case.panel, f"PBD, k'{suffix}", "pbd", "pbd", corrected),
-        Line(case.panel, f"PBD, raw k{suffix}", "pbd", "raw", raw),
-        Line(case.panel, f"XPBD compliance{suffix}", "pbd", "xpbd", xpbd),
-        Line(case.panel, f"symplectic Euler spring{suffix}", "symplectic_euler", "", spring),
+        Line(case.panel, "PBD, k'", "pbd", "pbd", corrected),
+        Line(case.panel, "PBD, raw k", "pbd", "raw", raw),
+        Line(case.panel, "XPBD compliance", "pbd", "xpbd", xpbd),
+        Line(case.panel, "symplectic Euler spring", "symplectic_euler", "", spring),
     ]
 
 
@@ -170,7 +168,7 @@ def _measure(plan: list[Line], names: list[str], quiet: bool) -> list[list[Recor
 
 
 def _series(line: Line, found: list[Record]) -> Series:
-    metric = "static_stretch" if line.panel == "mass" else "link_residual"
+    metric = "static_stretch" if line.panel.startswith("mass") else "link_residual"
     ys = [record.metric(metric) for record in found]
     xs = [float(record.settings.get("iterations", 1)) for record in found]
     if len(found) == 1:  # does not depend on n: drawn over the whole width
@@ -187,24 +185,16 @@ def _series(line: Line, found: list[Record]) -> Series:
 
 
 def _closed_forms(k: float, dt: float, counts: list[int]) -> list[Series]:
-    """1-k, (1-k)^n; g dt^2 (1-k)/k, g dt^2 (1-k)^n / (1-(1-k)^n), m g alpha (notes of `Series`: kind "closed form")."""
+    """1-k and (1-k)^n; at rest g dt^2 (1-k)/k and g dt^2 (1-k)^n / (1-(1-k)^n), for k' and raw k."""
     n = np.unique(np.round(np.geomspace(min(counts), max(counts), 40)))
     left = (1.0 - k) ** n
-    curves = [("link", "1 - k", np.full_like(n, 1.0 - k)), ("link", "(1 - k)^n", left)]
-    for step, suffix in ((dt, ""), (0.5 * dt, ", dt/2")):
+    curves = [("link", np.full_like(n, 1.0 - k)), ("link", left)]
+    for panel, step in (("mass", dt), ("mass, dt/2", 0.5 * dt)):
         fall = GRAVITY * step**2
-        curves.append(("mass", f"g dt² (1-k)/k{suffix}", np.full_like(n, fall * (1.0 - k) / k)))
-        curves.append(("mass", f"g dt² (1-k)^n / (1-(1-k)^n){suffix}", fall * left / (1.0 - left)))
+        curves += [(panel, np.full_like(n, fall * (1.0 - k) / k)), (panel, fall * left / (1.0 - left))]
     return [
-        Series(
-            panel=panel,
-            label=label,
-            engine="",
-            x=n[y > ROUND_OFF].tolist(),
-            y=y[y > ROUND_OFF].tolist(),
-            kind="closed form",
-        )
-        for panel, label, y in curves
+        Series(panel=panel, label="closed form", engine="", x=n.tolist(), y=y.tolist(), kind="closed form")
+        for panel, y in curves
     ]
 
 
@@ -225,12 +215,12 @@ def _sentences(series: list[Series], k: float) -> list[str]:
         said.append(
             f"A chain: k' is not independent of n: the largest residual goes from {chain[0]:.3f} to {chain[-1]:.3f}."
         )
-    whole, half = by.get(("mass", "PBD, k'")), by.get(("mass", "PBD, k', dt/2"))
+    whole, half = by.get(("mass", "PBD, k'")), by.get(("mass, dt/2", "PBD, k'"))
     if whole and half:
         said.append(
             f"A hung mass: with k' the stretch falls by {whole[0] / half[0]:.3f} when dt is halved: k' depends on dt."
         )
-    whole, half = by.get(("mass", "XPBD compliance")), by.get(("mass", "XPBD compliance, dt/2"))
+    whole, half = by.get(("mass", "XPBD compliance")), by.get(("mass, dt/2", "XPBD compliance"))
     if whole and half:
         said.append(f"XPBD's compliance gives the same stretch at both time steps: ratio {whole[0] / half[0]:.6f}.")
     return said

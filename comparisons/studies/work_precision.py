@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import msgspec
+
 from comparisons import catalog, engine
 from comparisons.gather import ROUNDS, Gatherer, Ladder, descend
 from comparisons.record import Record, RunSpec
 from comparisons.run import build_scene
-from comparisons.study import Panel, Series, Study, head, variant
+from comparisons.study import Panel, Series, Study, Winner, duration, head, variant
 from pbd.errors import unknown
 
-SUMMARY = "run time against error, every setting a point, fronts drawn"
 CAP = 0.5
 """Seconds that a run may take."""
 
+ERROR, TIME = "position error [m]", "run time [s]"
 TARGETS = (1e-2, 1e-4, 1e-6, 1e-8)
 """Errors [m] at which the winner is named."""
 
@@ -52,31 +54,34 @@ def run(
     for name in changes:
         if name not in names:
             raise unknown("settings", name, names)
-    title = build_scene(scene_name, parameters).title
+    subject = build_scene(scene_name, parameters).title
     steps = None if dt is None else list(dt)
     ladders: dict[str, list[Ladder]] = {
         name: [descend(spec, steps, cap) for spec in tried(scene_name, parameters, name, changes.get(name, {}))]
         for name in names
     }
-    with Gatherer(names, f"work-precision of {title}", quiet=quiet) as gatherer:
+    with Gatherer(names, f"work-precision, {subject}", quiet=quiet) as gatherer:
         groups = gatherer.groups(ladders)
         records = gatherer.times([r for found in groups.values() for group in found for r in group], rounds)
         omissions = gatherer.omissions
+    winners = [winner(records, target) for target in TARGETS]
     series = [s for name in names for s in _series([r for r in records if r.engine == name])]
     return Study(
         kind="work_precision",
-        title=f"Run time against error: {title}",
+        title=f"Run time against error: {subject}",
+        subject=subject,
         scene=scene_name,
         parameters=parameters,
         head=head(),
         panels=[
-            Panel(name="gross", title="as called from Python", x="position error [m]", y="run time [s]"),
-            Panel(name="net", title="less the engine's empty-world time", x="position error [m]", y="run time [s]"),
+            Panel(name="gross", title="as called from Python", x=ERROR, y=TIME),
+            Panel(name="net", title="less the engine's empty-world time", x=ERROR, y=TIME),
         ],
         series=series,
         records=records,
         omissions=omissions,
-        sentences=[who_wins(records, target) for target in TARGETS],
+        sentences=[sentence(won) for won in winners],
+        winners=winners,
     )
 
 
@@ -116,25 +121,45 @@ def time_to_error(records: Sequence[Record], target: float) -> dict[str, tuple[f
     return best
 
 
-def who_wins(records: Sequence[Record], target: float) -> str:
-    """One sentence on who reaches an error first, who comes second, and where our solver stands."""
+def winner(records: Sequence[Record], target: float) -> Winner:
+    """Who reaches ``target`` first; the analyst's tool is timed but does not compete."""
     best = time_to_error(records, target)
-    rivals = sorted((item for item in best.items() if item[0] != ANALYST), key=lambda item: item[1][0])
-    yard = f"; DOP853 takes {_duration(best[ANALYST][0])}" if ANALYST in best else ""
-    if not rivals:
-        return f"To {target:g} m: no engine gets there within the budget{yard}."
-    name, (seconds, record) = rivals[0]
-    text = f"To {target:g} m: {_titled(name)} ({variant(record)}) wins with {_duration(seconds)}"
-    if len(rivals) > 1:
-        second, (later, _) = rivals[1]
-        text += f", {later / seconds:.1f} times faster than {_titled(second)}"
-    else:
-        text += ", the only one to get there within the budget"
-    if name != "pbd" and len(rivals) > 1 and rivals[1][0] != "pbd":
-        text += (
-            f"; PBD needs {best['pbd'][0] / seconds:.0f} times as long" if "pbd" in best else "; PBD does not get there"
-        )
+    rivals = sorted((seconds, name) for name, (seconds, _) in best.items() if name != ANALYST)
+    first = rivals[0][1] if rivals else ""
+    setting = variant(best[first][1]) if first else ""
+    return Winner(target=target, engine=first, setting=setting, seconds={n: best[n][0] for n in best})
+
+
+def sentence(won: Winner) -> str:
+    """Who reaches an error first, by how much, and where our solver stands."""
+    yard = f"; {_titled(ANALYST)} takes {duration(won.seconds[ANALYST])}" if ANALYST in won.seconds else ""
+    if not won.engine:
+        return f"To {won.target:g} m: no engine gets there within the budget{yard}."
+    seconds = won.seconds[won.engine]
+    text = f"To {won.target:g} m: {_titled(won.engine)} ({won.setting}) wins with {duration(seconds)}"
+    later = sorted((s, n) for n, s in won.seconds.items() if n not in (won.engine, ANALYST))
+    text += f", {later[0][0] / seconds:.1f} times faster than {_titled(later[0][1])}" if later else ", alone"
+    if won.engine != "pbd" and (not later or later[0][1] != "pbd"):
+        ours = won.seconds.get("pbd")
+        text += f"; PBD needs {ours / seconds:.0f} times as long" if ours else "; PBD does not get there in the budget"
     return text + yard + "."
+
+
+def by_setting(study: Study, name: str) -> Study:
+    """A study of one engine drawn from the records of ``study``: a line for each of its settings."""
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for record in study.records:
+        if record.engine == name and record.seconds and record.metric("position_error") > 0.0:
+            lines.setdefault(variant(record), []).append((record.metric("position_error"), record.seconds.min))
+    series = [
+        Series(panel="settings", label=label, engine=name, x=[p[0] for p in points], y=[p[1] for p in points])
+        for label, points in lines.items()
+    ]
+    panel = Panel(name="settings", title=_titled(name), x=ERROR, y=TIME)
+    title = f"Settings of {_titled(name)}: {study.subject}"
+    changes = {"kind": "settings", "title": title, "subject": _titled(name), "panels": [panel], "series": series}
+    kept = [record for record in study.records if record.engine == name]
+    return msgspec.structs.replace(study, **changes, records=kept, sentences=[], winners=[], omissions=[])
 
 
 def _series(records: list[Record]) -> list[Series]:
@@ -154,11 +179,3 @@ def _series(records: list[Record]) -> list[Series]:
 
 def _titled(name: str) -> str:
     return str(engine.load(name).TITLE)
-
-
-def _duration(seconds: float) -> str:
-    """A time in its natural unit."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"

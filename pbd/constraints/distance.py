@@ -80,9 +80,8 @@ def _rest_lengths(particles: Particles, index: np.ndarray, rest_length: Any) -> 
 
 def _select(law: Any, kept: np.ndarray) -> Any:
     """The law without the entries of dropped constraints."""
-    if kept.all():
-        return law
-    changes = {
-        name: value[kept] for name, value in vars(law).items() if isinstance(value, np.ndarray) and value.ndim == 1
-    }
-    return type(law)(**{**vars(law), **changes})
+    arrays = {name: value for name, value in vars(law).items() if isinstance(value, np.ndarray)}
+    for name, value in arrays.items():
+        if value.shape != kept.shape:
+            raise InvalidInput(name, value.shape, f"one number or an array of shape {kept.shape}, one for each pair")
+    return type(law)(**{**vars(law), **{name: value[kept] for name, value in arrays.items()}})

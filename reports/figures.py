@@ -1,0 +1,146 @@
+"""Figures of studies: log-log panels on shared axes, slope triangles, one legend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter
+
+from comparisons.study import Panel, Series, Study
+from pbd.errors import InvalidInput
+from reports.style import RC, colour, looks
+
+FORMATS = ("png", "svg")
+DPI = 130
+
+Cell = tuple[Study, str, str]
+"""A study, the name of its panel, the heading."""
+
+
+def draw(study: Study, path: Path) -> None:
+    """All panels of one study into ``path``, whose ending is the format."""
+    if path.suffix.lstrip(".") not in FORMATS:
+        raise InvalidInput("path", str(path), "a file name that ends in " + " or ".join("." + f for f in FORMATS))
+    cells = [(study, panel.name, panel.title) for panel in study.panels]
+    save(grid(cells, study.title, columns=2 if len(cells) in (2, 4) else max(len(cells), 1)), path)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the path's ending is the format."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    undated = {"Date": None} if path.suffix == ".svg" else {}
+    with matplotlib.rc_context(RC):
+        figure.savefig(path, dpi=DPI, metadata=undated)
+
+
+def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
+    """Panels in rows of ``columns``.
+
+    Panels with the same axis labels share their ranges. One legend stands on the right, unless each panel
+    is about one engine's settings: then each has its own.
+    """
+    rows = math.ceil(len(cells) / columns)
+    own_legends = all(study.kind == "settings" for study, _, _ in cells)
+    groups = [_group(cell) for cell in cells]
+    with matplotlib.rc_context(RC):
+        width = 4.3 * columns + (0.0 if own_legends else 2.3)
+        figure = Figure(figsize=(width, 3.3 * rows + 0.5), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False).flatten()
+        handles: dict[str, Any] = {}
+        styles = looks([series for group in groups for series in group])
+        for ax, cell, group in zip(axes, cells, groups, strict=False):
+            if own_legends:
+                styles = looks(group)
+            artists = _panel(ax, _panel_of(cell), group, styles, cell[2])
+            handles.update(artists)
+            if own_legends and artists:
+                ax.legend(artists.values(), artists.keys(), frameon=False, fontsize=8)
+        _share_ranges(axes, cells)
+        for ax, group in zip(axes, groups, strict=False):
+            _triangles(ax, group)
+        for ax in axes[len(cells) :]:
+            ax.remove()
+        figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
+        if not own_legends:
+            figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False)
+    return figure
+
+
+def _group(cell: Cell) -> list[Series]:
+    study, name, _ = cell
+    return [series for series in study.series if series.panel == name]
+
+
+def _panel_of(cell: Cell) -> Panel:
+    return next(panel for panel in cell[0].panels if panel.name == cell[1])
+
+
+def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict], heading: str) -> dict[str, Any]:
+    """Draw the series of one panel; returns label -> artist for the legend."""
+    ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y, title=heading)
+    handles: dict[str, Any] = {}
+    for series in group:
+        points = [(x, y) for x, y in zip(series.x, series.y, strict=True) if y > panel.lowest]
+        xs, ys = [x for x, _ in points], [y for _, y in points]
+        if series.kind == "points":
+            ax.plot(xs, ys, ".", color=colour(series), alpha=0.3, markersize=4, zorder=1)
+        elif points:
+            (handles[series.label],) = ax.plot(xs, ys, color=colour(series), **styles[series.label])
+    if any(series.kind == "front" for series in group):
+        arrow = {"arrowstyle": "->", "color": "#666666"}
+        ax.annotate("better", (0.03, 0.03), (0.2, 0.14), xycoords="axes fraction", color="#666666", arrowprops=arrow)
+    return handles
+
+
+def _share_ranges(axes: Sequence[Axes], cells: Sequence[Cell]) -> None:
+    """Give panels with equal axis labels equal ranges, so that the eye may compare them."""
+    for axis in ("x", "y"):
+        alike: dict[str, list[Axes]] = {}
+        for ax, cell in zip(axes, cells, strict=False):
+            alike.setdefault(getattr(_panel_of(cell), axis), []).append(ax)
+        for group in alike.values():
+            limits = [getattr(ax, f"get_{axis}lim")() for ax in group if ax.lines]
+            for ax in group if limits else []:
+                low, high = min(limit[0] for limit in limits), max(limit[1] for limit in limits)
+                getattr(ax, f"set_{axis}lim")(low, high)
+                _ticks(getattr(ax, f"{axis}axis"), high / low)
+
+
+def _ticks(axis: Any, ratio: float) -> None:
+    """Decades where there are several, else 1, 2, 5 as plain numbers."""
+    if ratio > 30.0:
+        axis.set_major_locator(LogLocator(numticks=9))
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(10, 10)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _triangles(ax: Axes, group: list[Series]) -> None:
+    """A slope triangle for each whole order that was fitted, in the lower corner that the lines leave free."""
+    fitted = [series for series in group if series.fit and series.fit.order]
+    orders = sorted({round(s.fit.order) for s in fitted if s.fit and s.fit.order and s.fit.order > 0.5})
+    if not orders:
+        return
+    falls = dict(zip(fitted[0].x, fitted[0].y, strict=True))
+    is_falling = falls[max(falls)] < falls[min(falls)]
+    decades = math.log10(ax.get_xlim()[1] / ax.get_xlim()[0]) / math.log10(ax.get_ylim()[1] / ax.get_ylim()[0])
+    width, low = 0.1, 0.1
+    for place, order in enumerate(reversed(orders)):
+        left = 0.05 + 0.16 * place if is_falling else 0.87 - 0.16 * place
+        height = order * width * decades
+        tip = left if is_falling else left + width
+        corners = [(left, low), (left + width, low), (tip, low + height), (left, low)]
+        ax.plot(*zip(*corners, strict=True), color="black", linewidth=1.0, transform=ax.transAxes)
+        ax.text(
+            left + width / 2, low - 0.02, f"order {order}", ha="center", va="top", fontsize=8, transform=ax.transAxes
+        )

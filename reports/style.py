@@ -1,0 +1,70 @@
+"""How everything is drawn: one colour per engine, in every figure (Okabe and Ito's colour-blind safe set)."""
+
+from __future__ import annotations
+
+from comparisons.study import Series
+
+COLOURS = {
+    "pbd": "#0072B2",
+    "symplectic_euler": "#E69F00",
+    "pybullet": "#009E73",
+    "pymunk": "#D55E00",
+    "dop853": "#444444",
+}
+TITLES = {
+    "pbd": "PBD",
+    "symplectic_euler": "symplectic Euler",
+    "pybullet": "pybullet",
+    "pymunk": "pymunk",
+    "dop853": "DOP853",
+    "": "none in the budget",
+}
+OTHER = "#CC79A7"
+CLOSED_FORM = "#999999"
+
+LINES = ("-", "--", ":", "-.")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+RC = {
+    "font.size": 11,
+    "axes.titlesize": 12,
+    "axes.labelsize": 11,
+    "legend.fontsize": 9.5,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.hashsalt": "pbdbench",
+    "svg.fonttype": "none",
+    "figure.facecolor": "white",
+}
+
+
+def colour(series: Series) -> str:
+    """The engine's colour; grey for closed forms."""
+    return CLOSED_FORM if series.kind == "closed form" else COLOURS.get(series.engine, OTHER)
+
+
+def looks(group: list[Series]) -> dict[str, dict]:
+    """label -> how it is drawn: marker and dashes differ within an engine, width and size between engines.
+
+    Engines drawn later are thinner, so that a line under another one still shows.
+    """
+    ranks: dict[str, int] = {}
+    found: dict[str, dict] = {}
+    for series in group:
+        if series.label in found or series.kind == "points":
+            continue
+        rank = ranks[series.engine] = ranks.get(series.engine, -1) + 1
+        thickness = max(1.4, 3.0 - 0.5 * (len(ranks) - 1))
+        found[series.label] = {
+            "linestyle": LINES[rank % len(LINES)],
+            "marker": MARKERS[rank % len(MARKERS)],
+            "linewidth": thickness,
+            "markersize": 2.5 + 1.7 * thickness,
+        }
+        if series.kind == "closed form":
+            found[series.label] = {"linestyle": "-", "linewidth": 7.0, "alpha": 0.35, "zorder": 1}
+    return found
