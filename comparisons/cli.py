@@ -121,7 +121,7 @@ def _study(options: argparse.Namespace) -> int:
         study.to_json(options.json)
     if options.directory:
         study.to_json(options.directory / f"{study.kind}.json")
-        for ending in ("png", "svg"):
+        for ending in ("png", "svg") if study.series else ():
             study.plot(options.directory / f"{study.kind}.{ending}")
         print(f"figures and records: {options.directory}")
     print(study.table())
@@ -204,13 +204,13 @@ def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:
         if key not in known:
             raise unknown("--set", key, [*known, "scene.NAME", "ENGINE.NAME"])
         kind = int if "int" in known[key] else float
+        many = "Sequence" in known[key]
         try:
-            values = [kind(part) for part in text.split(",") if part.strip()]
+            values = [kind(part) for part in (text.split(",") if many else [text])]
         except ValueError:
-            raise InvalidInput(
-                key, text, f"{'a whole number' if kind is int else 'a number'}, or several with commas"
-            ) from None
-        found[key] = values if "Sequence" in known[key] else values[0] if values else None
+            noun = "a whole number" if kind is int else "a number"
+            raise InvalidInput(key, text, f"{noun}, or several with commas" if many else noun) from None
+        found[key] = values if many else values[0]
     return found
 
 

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import msgspec
 
-from comparisons import engine, store
-from comparisons.isolation import Lost, Worker, workers
+from comparisons import store
+from comparisons.isolation import Lost, Workers
 from comparisons.progress import Progress
 from comparisons.record import Record, RunSpec, Seconds
-from comparisons.run import build_scene, execute
+from comparisons.run import bind, build_scene, execute
 from comparisons.study import Omission
-from pbd import fields
+from pbd.errors import InvalidInput
 
 PARALLEL = 2
 ROUNDS = 3
@@ -32,22 +31,22 @@ Ladder = Callable[[list[Record]], RunSpec | None]
 
 
 class Gatherer:
-    """Runs specs for a study; a context manager that owns the workers."""
+    """Runs specs for a study, in the workers that it is given or, as a context manager, in its own."""
 
-    def __init__(self, engines: Iterable[str], title: str, *, quiet: bool = False) -> None:
+    def __init__(
+        self, engines: Iterable[str], title: str, *, workers: Workers | None = None, quiet: bool = False
+    ) -> None:
         self.engines = list(engines)
-        for name in self.engines:
-            engine.load(name)
         self.omissions: list[Omission] = []
         self._title, self._quiet = title, quiet
+        self._workers, self._owns = workers or Workers(), workers is None
 
     def __enter__(self) -> Gatherer:
-        self._context = workers(self.engines)
-        self._workers: dict[str, Worker] = self._context.__enter__()
         return self
 
-    def __exit__(self, *error: Any) -> None:
-        self._context.__exit__(*error)
+    def __exit__(self, *error: object) -> None:
+        if self._owns:
+            self._workers.__exit__(*error)
 
     def groups(self, ladders: dict[str, list[Ladder]]) -> dict[str, list[list[Record]]]:
         """The records of all ladders, given by engine and in their order; engines run beside each other."""
@@ -94,8 +93,7 @@ class Gatherer:
     def _time(self, record: Record, gross: dict[str, float], overhead: dict[str, float]) -> None:
         worker, spec = self._workers[record.engine], spec_of(record)
         try:
-            one = worker.seconds(spec)
-            empty = worker.seconds(spec, overhead=True)
+            one, empty = worker.seconds(spec)
         except Lost:
             return
         gross[record.key] = min(one, gross.get(record.key, one))
@@ -132,19 +130,21 @@ def descend(base: RunSpec, dts: list[float] | None, cap: float) -> Ladder:
     """A ladder over time steps: the given ones, or halving from the sample interval down.
 
     Without a list it ends before a run would take longer than ``cap`` seconds, at a floor, or after
-    MAX_LEVELS levels.
+    MAX_LEVELS levels. Raises `InvalidInput` for a wrong time step or cap now, before anything runs.
     """
-    if "dt" not in fields.rules(engine.load(base.engine).Settings):
-        return once(base)
     scene = build_scene(base.scene, base.parameters)
     start = scene.duration / scene.samples
+    if not cap > 0.0:
+        raise InvalidInput("cap", cap, "a number > 0 s")
+    if dts is not None and not dts:
+        raise InvalidInput("dt", dts, "at least one number")
+    for dt in dts or [start]:
+        bind(msgspec.structs.replace(base, settings={**base.settings, "dt": dt}))
 
     def following(found: list[Record]) -> RunSpec | None:
         k = len(found)
-        if dts is not None:
-            dt = dts[k] if k < len(dts) else None
-        else:
-            dt = start / 2**k if _goes_on(found, cap) else None
+        given = dts[k : k + 1] if dts is not None else [start / 2**k] if _goes_on(found, cap) else []
+        dt = given[0] if given else None
         return None if dt is None else msgspec.structs.replace(base, settings={**base.settings, "dt": dt})
 
     return following
@@ -158,6 +158,16 @@ def _goes_on(found: list[Record], cap: float) -> bool:
     errors = [record.metric("position_error") for record in found[-3:]]
     at_floor = len(errors) == 3 and errors[2] > FLOOR_GAIN * errors[1] and errors[1] > FLOOR_GAIN * errors[0]
     return not at_floor and 2.0 * found[-1].wall <= cap
+
+
+def through(specs: list[RunSpec], cap: float) -> Ladder:
+    """The ladder of given specs, from cheap to dear; it ends after the first that took longer than ``cap`` seconds."""
+
+    def following(found: list[Record]) -> RunSpec | None:
+        dear = bool(found) and found[-1].wall > cap
+        return None if dear or len(found) == len(specs) else specs[len(found)]
+
+    return following
 
 
 def once(spec: RunSpec) -> Ladder:

@@ -7,7 +7,6 @@ there from C. Times are taken inside the child.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import os
 import selectors
@@ -17,7 +16,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -35,6 +33,9 @@ TIMEOUT = 300.0
 
 MEMORY = 12 * 2**30
 """Address space of a child [bytes]: a memory bomb ends itself, not the machine."""
+
+ENDING = 2.0
+"""Seconds that a child may take to end after it closed its answers."""
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -61,9 +62,10 @@ class Worker:
         times, x, v = (np.frombuffer(blob).reshape(shape) for blob, shape in answer["arrays"])
         return Trajectory(times, x, v, answer["steps"], answer["work"], answer["diverged"], answer["wall"])
 
-    def seconds(self, spec: RunSpec, *, overhead: bool = False) -> float:
-        """Time of one run of ``spec``, or of the empty world in its place [s]; raises `Lost`."""
-        return float(self._ask({"task": "time", "spec": msgspec.to_builtins(spec), "overhead": overhead})["seconds"])
+    def seconds(self, spec: RunSpec) -> tuple[float, float]:
+        """Time of one run of ``spec``, and of the empty world in its place [s]; raises `Lost`."""
+        answer = self._ask({"task": "time", "spec": msgspec.to_builtins(spec)})
+        return answer["seconds"], answer["overhead"]
 
     def close(self) -> None:
         """End the child."""
@@ -94,9 +96,7 @@ class Worker:
             size = struct.unpack("<Q", _read(child, 8, deadline))[0]
             return msgspec.msgpack.decode(_read(child, size, deadline))
         except (EOFError, BrokenPipeError, msgspec.DecodeError):
-            code = child.wait(timeout=10.0)
-            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            raise Lost("crashed", f"the engine's process ended with {how}", "change the settings of this run") from None
+            raise Lost("crashed", f"the engine's process {_ending(child)}", "change the settings of this run") from None
         except TimeoutError:
             remedy = "use a larger time step, fewer samples or a shorter duration"
             raise Lost("timeout", f"no result within {self.timeout:g} s", remedy) from None
@@ -106,6 +106,15 @@ def _start() -> subprocess.Popen[bytes]:
     environment = {**os.environ, **dict.fromkeys(THREAD_VARIABLES, "1")}
     command = [sys.executable, "-m", "comparisons.isolation"]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0)
+
+
+def _ending(child: subprocess.Popen[bytes]) -> str:
+    """How a child that gave no answer ended, in words."""
+    try:
+        code = child.wait(timeout=ENDING)
+    except subprocess.TimeoutExpired:
+        return "gave no answer that can be read"
+    return f"ended with signal {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
 def _read(child: subprocess.Popen[bytes], size: int, deadline: float) -> bytes:
@@ -123,21 +132,27 @@ def _read(child: subprocess.Popen[bytes], size: int, deadline: float) -> bytes:
     return bytes(parts)
 
 
-@contextlib.contextmanager
-def workers(engines: list[str]) -> Iterator[dict[str, Worker]]:
-    """One worker for each engine, closed at the end."""
-    pool = {name: Worker() for name in engines}
-    try:
-        yield pool
-    finally:
-        for worker in pool.values():
+class Workers:
+    """One worker for each engine, made when first asked for; a context manager that ends them all."""
+
+    def __init__(self) -> None:
+        self._workers: dict[str, Worker] = {}
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for worker in self._workers.values():
             worker.close()
+
+    def __getitem__(self, engine: str) -> Worker:
+        return self._workers.setdefault(engine, Worker())
 
 
 def run_apart(spec: RunSpec) -> Trajectory:
     """Run ``spec`` in a child of its own."""
-    with workers([spec.engine]) as pool:
-        return pool[spec.engine].run(spec)
+    with Workers() as workers:
+        return workers[spec.engine].run(spec)
 
 
 # ------------------------------------------------------------------ the child
@@ -161,15 +176,15 @@ def _serve(requests: Any, answers: Any) -> None:
 def _answer(request: dict[str, Any]) -> dict[str, Any]:
     from comparisons import run, scene
 
-    spec = msgspec.convert(request["spec"], RunSpec)
-    bound = run.bind(spec)
-    world = scene.empty(bound.scene) if request.get("overhead") else bound.scene
+    bound = run.bind(msgspec.convert(request["spec"], RunSpec))
     if bound.adapter.FOREIGN:
         os.dup2(1, 2)  # foreign engines also write to the error stream, from C
-    _warm_up(bound, world)
-    out = bound.run(world)
+    _warm_up(bound, bound.scene)
+    out = bound.run()
     if request["task"] == "time":
-        return {"seconds": out.wall}
+        world = scene.empty(bound.scene)
+        _warm_up(bound, world)
+        return {"seconds": out.wall, "overhead": bound.run(world).wall}
     arrays = [(np.ascontiguousarray(a).tobytes(), a.shape) for a in (out.times, out.positions, out.velocities)]
     return {"arrays": arrays, "steps": out.steps, "work": out.work, "diverged": out.diverged, "wall": out.wall}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from comparisons.isolation import Workers
 from comparisons.studies import convergence, stiffness, work_precision
 from comparisons.study import Chapter, Study
 
@@ -20,23 +21,28 @@ ROUNDS = 2
 CONVERGENCE_SECONDS_PER_RUN = {1: 0.1, 2: 0.1, 10: 0.25, 100: 0.8}
 """Longer chains reach their asymptotic range later: 100 links only below dt = 3e-5 s."""
 
+COINCIDE = "pymunk's undamped spring is symplectic Euler, so these two lines coincide."
+
 SETTINGS_OF = ("symplectic_euler", "pbd", "pymunk", "pybullet")
 SETTINGS_LINKS = 10
 
 
 def run(*, quiet: bool = False) -> list[Chapter]:
     """Work-precision and convergence of rigid and compliant chains, each engine's settings, and stiffness."""
+    with Workers() as workers:
+        return _chapters({"workers": workers, "quiet": quiet})
+
+
+def _chapters(how: dict[str, Any]) -> list[Chapter]:
     chapters = []
     for name, compliance in (("rigid", 0.0), ("compliant", COMPLIANCE)):
         scenes = [_scene(links, compliance) for links in CHAINS]
-        races = [
-            work_precision.run(SCENE, scene=scene, cap=SECONDS_PER_RUN, rounds=ROUNDS, quiet=quiet) for scene in scenes
-        ]
+        races = [work_precision.run(SCENE, scene=scene, cap=SECONDS_PER_RUN, rounds=ROUNDS, **how) for scene in scenes]
         chapters.append(_races(name, races))
         if compliance == 0.0:
             chapters.append(_settings(races[CHAINS.index(SETTINGS_LINKS)]))
-        chapters.append(_convergence(name, scenes, quiet))
-    return [*chapters, _stiffness(quiet)]
+        chapters.append(_convergence(name, scenes, how))
+    return [*chapters, _stiffness(how)]
 
 
 def _scene(links: int, compliance: float) -> dict[str, Any]:
@@ -67,21 +73,21 @@ def _settings(race: Study) -> Chapter:
     )
 
 
-def _convergence(name: str, scenes: list[dict], quiet: bool) -> Chapter:
+def _convergence(name: str, scenes: list[dict], how: dict[str, Any]) -> Chapter:
     return Chapter(
         heading=f"Convergence, {name} chains",
         caption=(
             "Error against time step, sub-steps and iterations. Iterations buy link length, not trajectory accuracy; "
-            "sub-steps buy both."
+            "sub-steps buy both. " + (COINCIDE if name == "compliant" else "")
         ),
         studies=[
-            convergence.run(SCENE, scene=scene, cap=CONVERGENCE_SECONDS_PER_RUN[scene["links"]], quiet=quiet)
+            convergence.run(SCENE, scene=scene, cap=CONVERGENCE_SECONDS_PER_RUN[scene["links"]], **how)
             for scene in scenes
         ],
     )
 
 
-def _stiffness(quiet: bool) -> Chapter:
+def _stiffness(how: dict[str, Any]) -> Chapter:
     return Chapter(
         heading="What stiffness k does",
         caption=(
@@ -89,5 +95,5 @@ def _stiffness(quiet: bool) -> Chapter:
             "stretch of a hung mass still falls with the time step squared. Compliance depends on neither. "
             "Broad grey dashes: closed forms."
         ),
-        studies=[stiffness.run(SCENE, quiet=quiet)],
+        studies=[stiffness.run(SCENE, **how)],
     )

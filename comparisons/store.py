@@ -20,6 +20,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from comparisons import engine
 from comparisons import reference as references
 from comparisons.record import SCHEMA, Record, RunSpec
 from comparisons.scene import Scene
@@ -38,15 +39,15 @@ def open_file(path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _file.append(_connect(path))
+    except (sqlite3.OperationalError, OSError) as trouble:  # no damage: locked, read-only, no such place
+        print(f"{path}: results are not kept on disk: {trouble}", file=sys.stderr)
     except sqlite3.DatabaseError as damage:
         print(f"{path}: {damage}; set aside as {path.name}.damaged", file=sys.stderr)
         try:
             path.replace(path.with_name(path.name + ".damaged"))
             _file.append(_connect(path))
-        except (OSError, sqlite3.Error):
-            return
-    except OSError:
-        return
+        except (OSError, sqlite3.Error) as trouble:
+            print(f"{path}: results are not kept on disk: {trouble}", file=sys.stderr)
 
 
 def close_file() -> None:
@@ -72,7 +73,7 @@ def _get(key: str) -> bytes | None:
             row = _file[0].execute("SELECT digest, value FROM entries WHERE key = ?", (key,)).fetchone()
         except sqlite3.Error:
             return None
-        if row is None or hashlib.sha256(row[1]).hexdigest() != row[0]:
+        if row is None or not isinstance(row[1], bytes) or _checksum(key, row[1]) != row[0]:
             return None
         _memory[key] = row[1]
         return row[1]
@@ -83,11 +84,16 @@ def _put(key: str, value: bytes) -> None:
         _memory[key] = value
         try:
             for connection in _file:
-                row = (key, hashlib.sha256(value).hexdigest(), value)
+                row = (key, _checksum(key, value), value)
                 connection.execute("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", row)
         except sqlite3.Error as trouble:
             print(f"results are not kept on disk: {trouble}", file=sys.stderr)
             close_file()
+
+
+def _checksum(key: str, value: bytes) -> str:
+    """Of key and value together: a damaged index may lead to the whole value of another key."""
+    return hashlib.sha256(key.encode() + b"\0" + value).hexdigest()
 
 
 @lru_cache(maxsize=1)
@@ -105,14 +111,24 @@ def environment() -> str:
 
 def load_record(spec: RunSpec) -> Record | None:
     """The stored record of a spec, without its time: times are never re-used."""
-    value = _get(f"record {environment()} {spec.key()}")
+    value = _get(_key(spec))
     return msgspec.json.decode(value, type=Record) if value else None
 
 
 def save_record(spec: RunSpec, record: Record) -> None:
     """Keep a record, unless a repetition could end otherwise."""
     if record.status.code in KEPT:
-        _put(f"record {environment()} {spec.key()}", msgspec.json.encode(msgspec.structs.replace(record, seconds=None)))
+        _put(_key(spec), msgspec.json.encode(msgspec.structs.replace(record, seconds=None)))
+
+
+def _key(spec: RunSpec) -> str:
+    return f"record {environment()} {_engine_version(spec.engine)} {spec.key()}"
+
+
+@lru_cache
+def _engine_version(name: str) -> str:
+    adapter = engine.load(name)
+    return "" if adapter.missing() else str(adapter.version())
 
 
 def reference(scene: Scene) -> tuple[np.ndarray, float]:

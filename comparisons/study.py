@@ -157,8 +157,12 @@ def write_atomically(path: Path, content: bytes) -> None:
     """Write beside ``path`` and move into place."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}")
-    partial.write_bytes(content)
-    partial.replace(path)
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise
 
 
 def variant(record: Record) -> str:

@@ -42,9 +42,10 @@ __all__ = sorted(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'pbd' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"pbd.{_HOME[name]}"), name)
-    globals()[name] = value  # a function of the same name as its module must win over the module
-    return value
+    module = importlib.import_module(f"pbd.{_HOME[name]}")
+    # All names of the module at once: a function of the same name as its module must win over the module.
+    globals().update({other: getattr(module, other) for other, home in _HOME.items() if home == _HOME[name]})
+    return globals()[name]
 
 
 def __dir__() -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -33,9 +35,20 @@ def broadcast(field: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
     return np.broadcast_to(array, shape).copy()
 
 
+def number(field: str, value: Any, low: float, high: float, allowed: str) -> float:
+    """``value`` as a float; refused when it is no finite real number in [low, high]."""
+    real = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not (low <= real <= high and math.isfinite(real)):
+        raise InvalidInput(field, value, allowed)
+    return real
+
+
 def indices(field: str, values: Any, n: int) -> np.ndarray:
     """Indices as int64, each checked to lie in [0, n)."""
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        raise InvalidInput(field, values, "an array of whole numbers") from None
     if array.size == 0:
         return np.zeros(array.shape, dtype=np.int64)
     if not np.issubdtype(array.dtype, np.integer):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.extending import overload
 
-from pbd.errors import InvalidInput
+from pbd.arrays import number
 from pbd.jit import DEVICE_OPTIONS, device
 from pbd.vector import accumulate, add, dot, load, scale, subtract, zero
 
@@ -18,15 +18,15 @@ NULL_MODE = 1e-12
 
 
 class PlainDamping(NamedTuple):
-    """v <- (1 - k) v. Limit: removes momentum, and depends on the time step."""
+    """v <- (1 - k) v of what is not pinned. Limit: removes momentum, and depends on the time step."""
 
     k: float
 
     def damp(self, state):
         for axis in range(len(state.particles.v)):
-            v = state.particles.v[axis]
+            v, w = state.particles.v[axis], state.particles.w
             for i in range(v.shape[0]):
-                v[i] -= self.k * v[i]
+                v[i] -= self.k * v[i] if w[i] > 0.0 else 0.0
 
 
 class RigidModeDamping(NamedTuple):
@@ -161,8 +161,7 @@ class Damping:
     plain: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.k <= 1.0:
-            raise InvalidInput("damping.k", self.k, "a number in [0, 1]")
+        number("damping.k", self.k, 0.0, 1.0, "a number in [0, 1]")
 
     def bind(self) -> Any:
         """The kernel's damping; None, which costs nothing, for k = 0."""

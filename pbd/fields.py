@@ -56,8 +56,8 @@ class Rule:
         wanted = numbers.Integral if self.kind == "whole" else numbers.Real
         if isinstance(value, bool) or not isinstance(value, wanted):
             return False
-        number = float(value)
-        return math.isfinite(number) and self.low <= number <= self.high and not (self.open_low and number == self.low)
+        number: Any = value  # never converted to float: a huge whole number would overflow; nan fails comparisons
+        return self.low <= number <= self.high and abs(number) < math.inf and not (self.open_low and number == self.low)
 
 
 def _field(default: Any, rule: Rule) -> Any:

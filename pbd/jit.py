@@ -49,6 +49,7 @@ config: Any = _numba_config
 _DIGEST_BYTES = 32
 _STDLIB = sys.stdlib_module_names
 _SITE = tuple({str(Path(sysconfig.get_paths()[key]).resolve()) for key in ("purelib", "platlib")})
+_SCALARS = (bool, int, float, complex, str, numpy.generic)
 _OWN = str(Path(__file__).resolve().parent)
 
 
@@ -118,7 +119,10 @@ class KernelCache(_Cache):
         """Write the compiled signature beside its digest, atomically; silently not where that fails."""
         if self._directory is None or data.library.has_dynamic_globals:
             return
-        path = self._path(sig, data.codegen)
+        try:
+            path = self._path(sig, data.codegen)
+        except OSError:
+            return
         payload = dumps(data._reduce())
         digest = hashlib.blake2b(payload, digest_size=_DIGEST_BYTES).digest()
         partial = path.with_suffix(f".{os.getpid()}.tmp")
@@ -129,8 +133,8 @@ class KernelCache(_Cache):
             partial.unlink(missing_ok=True)
 
     def _path(self, sig: Any, codegen: Any) -> Path:
-        if self._directory is None:
-            raise OSError("no writable cache directory")
+        if self._directory is None or self._function.__closure__:
+            raise OSError("no writable cache directory, or a kernel that holds values no file tells")
         key = "\n".join(_key_lines(self._function, sig, codegen))
         return self._directory / f"{self._function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:40]}.bin"
 
@@ -145,8 +149,12 @@ def _key_lines(function: Callable[..., Any], sig: Any, codegen: Any) -> Iterator
     yield f"{platform.python_version()} {numba.__version__} {llvmlite.__version__} {numpy.__version__}"
     yield str(codegen.magic_tuple())
     yield f"{config.OPT} {config.BOUNDSCHECK} {config.DEBUGINFO_DEFAULT} {KERNEL_OPTIONS}"
-    for path in sorted(_sources([function.__module__, *(cls.__module__ for cls in classes)])):
+    modules = _modules({function.__module__, *(cls.__module__ for cls in classes)})
+    paths = {str(Path(str(module.__file__)).resolve()) for module in modules}
+    for path in sorted(paths | {str(path) for path in Path(_OWN).rglob("*.py")}):
         yield f"{path} {hashlib.sha256(Path(path).read_bytes()).hexdigest()}"
+    for module in modules:
+        yield from _constants(module)
 
 
 def _classes(argument_types: Any) -> Iterator[type]:
@@ -157,23 +165,46 @@ def _classes(argument_types: Any) -> Iterator[type]:
             yield from filter(None, [getattr(kind, "instance_class", None)])
 
 
-def _sources(roots: list[str]) -> set[str]:
-    """Source files of the named modules, of all they import that is not installed, and of this package."""
-    found = {str(path) for path in Path(_OWN).rglob("*.py")}
+def _modules(roots: set[str]) -> list[ModuleType]:
+    """The named modules, and all they import that is not installed, by name.
+
+    Raises OSError for a root without a source file - a notebook, ``python -c`` -: its code cannot be compared.
+    """
+    found: dict[str, ModuleType] = {}
     seen: set[str] = set()
-    waiting = list(roots)
+    waiting = sorted(roots)
     while waiting:
         name = waiting.pop()
         module = sys.modules.get(name)
+        path = getattr(module, "__file__", None)
+        if name in roots and (path is None or not Path(path).is_file()):
+            raise OSError(f"{name} has no source file")
         if module is None or name in seen:
             continue
         seen.add(name)
-        path = getattr(module, "__file__", None)
-        if name.partition(".")[0] in _STDLIB - {"__main__"} or not path or not _is_local(path):
+        if name.partition(".")[0] in _STDLIB - {"__main__"} or not path:
             continue
-        found.add(str(Path(path).resolve()))
-        waiting.extend(_imported(module))
-    return found
+        if name in roots or _is_local(path):
+            found[name] = module
+            waiting.extend(_imported(module))
+    return [found[name] for name in sorted(found)]
+
+
+def _constants(module: ModuleType) -> Iterator[str]:
+    """The numbers, texts and arrays that a module holds, its own or imported: kernels freeze them."""
+    if str(Path(str(module.__file__)).resolve()).startswith(_OWN):
+        return  # all of them stand in the package's own files
+    for name, value in sorted(vars(module).items()):
+        if not name.startswith("__") and isinstance(value, (*_SCALARS, tuple, numpy.ndarray)):
+            yield f"{module.__name__}.{name} {_text(value)}"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, numpy.ndarray):
+        return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, tuple):
+        return f"({', '.join(_text(part) for part in value)})"
+    return repr(value) if isinstance(value, _SCALARS) else type(value).__qualname__
 
 
 def _is_local(path: str) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pbd import fields
 from pbd.damping import Damping
+from pbd.errors import InvalidInput
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,10 @@ class Settings:
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
+        if self.damping is not None and not isinstance(self.damping, Damping):
+            raise InvalidInput("settings.damping", self.damping, "a Damping or None")
 
     @property
     def h(self) -> float:
         """Length of a sub-step [s]."""
-        return self.dt / self.substeps
+        return float(self.dt) / int(self.substeps)

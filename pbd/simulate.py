@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.arrays import real_array
+from pbd.arrays import indices, number, real_array
 from pbd.errors import InvalidInput
 from pbd.external import Gravity
 from pbd.integrators.euler import Euler
@@ -130,7 +131,7 @@ class Simulation:
         bodies: Any = None,
     ) -> None:
         self.settings = settings or Settings()
-        self._solver = GaussSeidel(self.settings.iterations)
+        self._solver = GaussSeidel(int(self.settings.iterations))
         fields = list(external)
         if gravity is not None:
             fields.insert(0, Gravity(_gravity(gravity, particles)))
@@ -146,11 +147,11 @@ class Simulation:
         if isinstance(steps, bool) or not isinstance(steps, Integral) or not 0 <= steps <= MAX_STEPS:
             raise InvalidInput("steps", steps, f"a whole number >= 0 and <= {MAX_STEPS:.0e}")
         at = _sample_steps(int(steps), samples)
-        scene = self._scene._replace(state=_copy(self._scene.state))
+        scene = _copy(self._scene)  # so that an outcome keeps its state and multipliers whatever runs next
         state = scene.state
         recordings = tuple(g.new_recording(len(at)) if g is not None else None for g in state[:2])
         settings = self.settings
-        plan = Plan(settings.h, settings.substeps, int(steps), at, max(1, int(steps) // CHECKS_PER_RUN))
+        plan = Plan(settings.h, int(settings.substeps), int(steps), at, max(1, int(steps) // CHECKS_PER_RUN))
         done, recorded, broken = simulation(Euler(), self._solver, scene, plan, recordings)
         x, v = recordings[0] or ((np.zeros((len(at), 0)),) * 2,) * 2
         return Outcome(
@@ -182,7 +183,7 @@ def simulate(
     """
     settings = settings or Settings()
     steps = steps_in(duration, settings.dt)
-    if samples < 1 or steps % samples:
+    if isinstance(samples, bool) or not isinstance(samples, Integral) or samples < 1 or steps % samples:
         raise InvalidInput("samples", samples, f"a divisor of the number of steps, {steps}")
     at = np.arange(samples + 1) * (steps // samples)
     return Simulation(particles, constraints, settings=settings, **scene).run(steps, at)
@@ -190,9 +191,7 @@ def simulate(
 
 def steps_in(duration: float, dt: float) -> int:
     """The whole number of steps dt in ``duration``; refused where there is none, or too many."""
-    ratio = duration / dt if np.isfinite(duration) else np.nan
-    if not 0.0 < ratio < np.inf:
-        raise InvalidInput("duration", duration, "finite and > 0 s")
+    ratio = number("duration", duration, 5e-324, math.inf, "finite and > 0 s") / dt
     if ratio > MAX_STEPS:
         raise InvalidInput(
             "dt", dt, f"so large that {duration:g} s take at most {MAX_STEPS:.0e} steps", f"{ratio:.1e} steps asked"
@@ -223,8 +222,8 @@ def _bind(constraints: Sequence[Any], iterations: int) -> tuple:
 
 
 def _sample_steps(steps: int, samples: Any) -> np.ndarray:
-    at = np.arange(steps + 1) if samples is None else np.asarray(samples, dtype=np.int64)
-    if at.ndim != 1 or (len(at) and (at[0] < 0 or at[-1] > steps or np.any(np.diff(at) <= 0))):
+    at = np.arange(steps + 1) if samples is None else indices("samples", samples, steps + 1)
+    if at.ndim != 1 or np.any(np.diff(at) <= 0):
         raise InvalidInput("samples", samples, f"ascending step numbers in [0, {steps}]")
     return at
 

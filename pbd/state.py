@@ -15,6 +15,9 @@ from pbd.vector import Store, to_store, zeros
 MAX_PARTICLES = 50_000_000
 """About 5 GB of state in 3D; more is refused with this as the reason."""
 
+MIN_MASS = float(np.finfo(np.float64).tiny)
+"""[kg] Below it 1/m is infinite."""
+
 
 class Recording(NamedTuple):
     """Samples of one group: stores of arrays of shape (samples, n)."""
@@ -111,6 +114,14 @@ def all_finite(a):
     return total == 0.0
 
 
+def _refuse_too_many(shape: tuple[int, ...]) -> None:
+    n, d = shape if len(shape) == 2 else (0, 0)
+    if n > MAX_PARTICLES:
+        raise InvalidInput(
+            "positions", n, f"at most {MAX_PARTICLES} particles", f"{n * (3 * d + 1) * 8 / 1e9:.0f} GB needed"
+        )
+
+
 def particles(positions: Any, *, masses: Any = 1.0, velocities: Any = 0.0, pinned: Sequence[int] = ()) -> Particles:
     """Particles from arrays in the user's layout; everything is copied.
 
@@ -125,16 +136,15 @@ def particles(positions: Any, *, masses: Any = 1.0, velocities: Any = 0.0, pinne
     ------
     InvalidInput : a value outside its range, an index outside [0, n), a shape that does not fit
     """
+    if isinstance(positions, np.ndarray):
+        _refuse_too_many(positions.shape)  # before any copy
     x = real_array("positions", positions)
     if x.ndim != 2 or x.shape[1] not in (1, 2, 3):
         raise InvalidInput("positions", x.shape, "of shape (n, d) with d = 1, 2 or 3")
     n, d = x.shape
-    if n > MAX_PARTICLES:
-        raise InvalidInput(
-            "positions", n, f"at most {MAX_PARTICLES} particles", f"{n * (3 * d + 1) * 8 / 1e9:.0f} GB needed"
-        )
+    _refuse_too_many(x.shape)
     m = broadcast("masses", masses, (n,))
-    if n and not m.min() > 0.0:
+    if n and not m.min() >= MIN_MASS:
         raise InvalidInput("masses", float(m.min()), "> 0 kg", "list immovable particles in pinned")
     w = 1.0 / m
     w[indices("pinned", pinned, n)] = 0.0

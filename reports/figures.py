@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ def draw(study: Study, path: Path) -> None:
     if path.suffix.lstrip(".") not in FORMATS:
         raise InvalidInput("path", str(path), "a file name that ends in " + " or ".join("." + f for f in FORMATS))
     cells = [(study, panel.name, panel.title) for panel in study.panels]
-    save(grid(cells, study.title, columns=2 if len(cells) in (2, 4) else max(len(cells), 1)), path)
+    save(grid(cells, study.title, columns=min(2, len(cells))), path)
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -40,6 +40,7 @@ def save(figure: Figure, path: Path) -> None:
     undated = {"Date": None} if path.suffix == ".svg" else {}
     with matplotlib.rc_context(RC):
         figure.savefig(path, dpi=DPI, metadata=undated)
+        figure.set_layout_engine("none")  # laid out once is enough for a second format
 
 
 def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
@@ -101,7 +102,7 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
     return handles
 
 
-def _share_ranges(axes: Sequence[Axes], cells: Sequence[Cell]) -> None:
+def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
     """Give panels with equal axis labels equal ranges, so that the eye may compare them."""
     for axis in ("x", "y"):
         alike: dict[str, list[Axes]] = {}

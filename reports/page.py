@@ -64,7 +64,7 @@ def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
     if len(chapter.studies) == 1:
         study = chapter.studies[0]
         cells = [(study, panel.name, panel.title) for panel in study.panels]
-        return [_picture(cells, chapter.heading, "", len(cells), directory)]
+        return [_picture(cells, chapter.heading, "", COLUMNS, directory)]
     titles = {panel.name: panel.title for study in chapter.studies for panel in study.panels}
     found = []
     for name, title in titles.items():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from comparisons.study import Series
 
 COLOURS = {
@@ -25,7 +27,7 @@ CLOSED_FORM = "#999999"
 LINES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
-RC = {
+RC: dict[Any, Any] = {
     "font.size": 11,
     "axes.titlesize": 12,
     "axes.labelsize": 11,
@@ -58,12 +60,12 @@ def looks(group: list[Series]) -> dict[str, dict]:
         if series.label in found or series.kind == "points":
             continue
         rank = ranks[series.engine] = ranks.get(series.engine, -1) + 1
-        thickness = max(1.4, 3.0 - 0.5 * (len(ranks) - 1))
+        thickness = max(1.2, 2.4 - 0.3 * list(ranks).index(series.engine))
         found[series.label] = {
             "linestyle": LINES[rank % len(LINES)],
             "marker": MARKERS[rank % len(MARKERS)],
             "linewidth": thickness,
-            "markersize": 2.5 + 1.7 * thickness,
+            "markersize": 2.0 + 1.7 * thickness,
         }
         if series.kind == "closed form":
             found[series.label] = {"linestyle": "-", "linewidth": 7.0, "alpha": 0.35, "zorder": 1}

@@ -58,7 +58,8 @@ def unsupported(scene: Scene, settings: Settings) -> str:
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """The equations of motion; the run is one ``solve_ivp`` with the samples from its dense output."""
     if len(scene.masses.masses) == 0:
-        return lambda: Trajectory(scene.times[:0], *np.zeros((2, 0, 0, 2)), steps=0)
+        nothing = np.zeros((0, 0, 2))
+        return lambda: Trajectory(scene.times[:0], nothing, nothing, steps=0)
     equations = reference.form(scene)
 
     def run() -> Trajectory:

@@ -35,11 +35,8 @@ class Settings:
 
 
 PRESETS: dict[str, dict[str, Any]] = {"default": {}, "matched": {"half_kick": True}}
-SWEEP: list[dict[str, Any]] = [
-    {"stiffness": 1e4, "damping_ratio": 0.0},
-    {"stiffness": 1e6, "damping_ratio": 0.0},
-    {"stiffness": 1e6, "damping_ratio": 0.1},
-    {"stiffness": 1e8, "damping_ratio": 0.0},
+SWEEP: list[dict[str, Any]] = [{"stiffness": 10.0**exponent} for exponent in (4, 5, 6, 7, 8, 10)] + [
+    {"stiffness": stiffness, "damping_ratio": 0.1} for stiffness in (1e6, 1e8)
 ]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from comparisons import store
 from comparisons.metrics import Refused, Subject
+from comparisons.reference import NoReference
 
 UNIT = "m"
 TITLE = "position error"
@@ -14,7 +15,10 @@ TITLE = "position error"
 def measure(subject: Subject) -> float:
     """Raises `Refused` where the scene has no reference, or is longer than its predictability horizon."""
     scene = subject.scene
-    reference, limit = store.reference(scene)
+    try:
+        reference, limit = store.reference(scene)
+    except NoReference as reason:
+        raise Refused(f"position error without a reference: {reason}", "ask for other metrics") from None
     if scene.duration > limit:
         raise Refused(
             f"position error past the predictability horizon of {limit:g} s",

@@ -65,9 +65,10 @@ def build(parameters: Parameters) -> Scene:
     masses = np.concatenate([[1.0], parameters.per_link("masses")])
     pairs = np.column_stack([np.arange(parameters.links), np.arange(1, parameters.links + 1)])
     rigid = not np.any(compliances)
+    count = f"{parameters.links} {'rigid' if rigid else 'compliant'} link{'s' * (parameters.links > 1)}"
     return Scene(
         name="pendulum_chain",
-        title=f"{parameters.links} {'rigid' if rigid else 'compliant'} link{'s' * (parameters.links > 1)}, {parameters.duration:g} s",
+        title=f"{count}, {parameters.duration:g} s",
         masses=PointMasses(positions, np.zeros_like(positions), masses, pinned=(0,)),
         links=(Rods(pairs, lengths) if rigid else Springs(pairs, lengths, compliances),),
         gravity=np.array([0.0, -parameters.gravity]),

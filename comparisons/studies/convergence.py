@@ -12,6 +12,7 @@ import msgspec
 from comparisons import catalog, engine
 from comparisons.fit import Fit, fit_order
 from comparisons.gather import Gatherer, Ladder, descend
+from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.run import bind, build_scene
 from comparisons.study import Panel, Series, Study, head, label
@@ -35,6 +36,7 @@ def run(
     substeps: Sequence[int] | None = COUNTS,
     iterations: Sequence[int] | None = COUNTS,
     cap: float = CAP,
+    workers: Workers | None = None,
     quiet: bool = False,
 ) -> Study:
     """Measure position errors along each axis and fit orders.
@@ -47,6 +49,7 @@ def run(
     settings : engine -> settings that differ from its preset
     dt : time steps [s], each a whole fraction of the sample interval; default halvings while a run takes less
         than ``cap`` seconds
+    workers : where to run; default in workers of this study's own
     substeps, iterations : counts, tried with the engines that have such a setting, at the time step of
         the settings or else the sample interval; None or empty skips the axis
 
@@ -73,7 +76,7 @@ def run(
             if values and axis not in changes.get(base.engine, {}) and _varies(base, axis):
                 ladders[base.engine].append(_counts(base, axis, values))
                 plan.append((axis, base))
-    with Gatherer(names, f"convergence, {subject}", quiet=quiet) as gatherer:
+    with Gatherer(names, f"convergence, {subject}", workers=workers, quiet=quiet) as gatherer:
         groups = gatherer.groups(ladders)
         omissions = gatherer.omissions
     ordered = [groups[base.engine].pop(0) for _, base in plan]
@@ -112,9 +115,6 @@ def _check(bases: list[RunSpec], dts: Sequence[float] | None) -> None:
     for base in bases:
         if not _steps(base.engine):
             raise InvalidInput("engines", base.engine, "engines with a fixed time step")
-        scene = build_scene(base.scene, base.parameters)
-        for dt in dts if dts is not None else [scene.duration / scene.samples]:
-            bind(msgspec.structs.replace(base, settings={**base.settings, "dt": dt}))
     if dts is not None and len(set(dts)) != len(dts):
         raise InvalidInput("dt", list(dts), "different time steps")
 
@@ -134,11 +134,12 @@ def _varies(base: RunSpec, axis: str) -> bool:
 def _counts(base: RunSpec, axis: str, values: Sequence[int]) -> Ladder:
     scene = build_scene(base.scene, base.parameters)
     dt = base.settings.get("dt", scene.duration / scene.samples)
+    specs = [msgspec.structs.replace(base, settings={**base.settings, "dt": dt, axis: value}) for value in values]
+    for spec in specs:
+        bind(spec)  # refuses a wrong value before anything runs
 
     def following(found: list[Record]) -> RunSpec | None:
-        if len(found) == len(values):
-            return None
-        return msgspec.structs.replace(base, settings={**base.settings, "dt": dt, axis: values[len(found)]})
+        return specs[len(found)] if len(found) < len(specs) else None
 
     return following
 

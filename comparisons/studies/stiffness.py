@@ -19,6 +19,7 @@ import numpy as np
 
 from comparisons import catalog, engine
 from comparisons.gather import Gatherer, Ladder, once
+from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.run import bind
 from comparisons.study import Omission, Panel, Series, Study, head
@@ -39,10 +40,12 @@ KNOWN = ("pbd", "symplectic_euler")
 ROUND_OFF = 1e-15
 """Values below are round-off and are not drawn."""
 
+N = "iterations n"
 PANELS = (
-    Panel(name="link", title="one link, one step", x="iterations n", y="residual / initial error"),
-    Panel(name="chain", title=f"chain of {CHAIN}, one step", x="iterations n", y="largest residual / initial error"),
-    Panel(name="mass", title="hung mass at rest", x="iterations n", y="stretch [m]"),
+    Panel(name="link", title="one link, one step", x=N, y="residual / initial error", lowest=1e-3),
+    Panel(name="chain", title=f"chain of {CHAIN}, one step", x=N, y="largest residual / initial error"),
+    Panel(name="mass", title="hung mass at rest, time step dt", x=N, y="stretch [m]", lowest=1e-5),
+    Panel(name="mass, dt/2", title="hung mass at rest, time step dt/2", x=N, y="stretch [m]", lowest=1e-5),
 )
 
 
@@ -55,6 +58,7 @@ def run(
     iterations: Sequence[int] | None = None,
     k: float = STIFFNESS,
     dt: float = DT,
+    workers: Workers | None = None,
     quiet: bool = False,
 ) -> Study:
     """Measure what k does.
@@ -80,12 +84,13 @@ def run(
     names = list(engines or KNOWN)
     for name in names:
         engine.load(name)
+    engine.make_settings("pbd", "default", {"dt": dt})
     counts = list(iterations or ITERATIONS)
     plan = [line for line in _lines(scene_name, dict(scene or {}), k, dt, counts) if line.engine in names]
     for line in plan:
         for spec in line.specs:
             bind(spec)
-    groups = _measure(plan, [name for name in names if name in KNOWN], quiet)
+    groups = _measure(plan, [name for name in names if name in KNOWN], workers, quiet)
     series = [_series(line, found) for line, found in zip(plan, groups, strict=True)]
     return Study(
         kind="stiffness",
@@ -157,12 +162,12 @@ def _case_lines(case: Case, k: float, dt: float, counts: list[int], damping: flo
     ]
 
 
-def _measure(plan: list[Line], names: list[str], quiet: bool) -> list[list[Record]]:
+def _measure(plan: list[Line], names: list[str], workers: Workers | None, quiet: bool) -> list[list[Record]]:
     """The records of each line."""
     ladders: dict[str, list[Ladder]] = {name: [] for name in names}
     for line in plan:
         ladders[line.engine] += [once(spec) for spec in line.specs]
-    with Gatherer(names, "stiffness", quiet=quiet) as gatherer:
+    with Gatherer(names, "stiffness", workers=workers, quiet=quiet) as gatherer:
         found = {name: iter(groups) for name, groups in gatherer.groups(ladders).items()}
     return [[record for _ in line.specs for record in next(found[line.engine])] for line in plan]
 

@@ -8,11 +8,13 @@ from typing import Any
 import msgspec
 
 from comparisons import catalog, engine
-from comparisons.gather import ROUNDS, Gatherer, Ladder, descend
+from comparisons.gather import ROUNDS, Gatherer, Ladder, descend, through
+from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.run import build_scene
 from comparisons.study import Panel, Series, Study, Winner, duration, head, variant
-from pbd.errors import unknown
+from pbd import fields
+from pbd.errors import InvalidInput, unknown
 
 CAP = 0.5
 """Seconds that a run may take."""
@@ -20,6 +22,9 @@ CAP = 0.5
 ERROR, TIME = "position error [m]", "run time [s]"
 TARGETS = (1e-2, 1e-4, 1e-6, 1e-8)
 """Errors [m] at which the winner is named."""
+
+YARDSTICK = 10.0
+"""An engine that chooses its own steps may take this many times the cap, so that it shows on long chains too."""
 
 ANALYST = "dop853"
 """Drawn as a yardstick, but no competitor: it needs equations made for the scene and takes no contacts."""
@@ -34,6 +39,7 @@ def run(
     dt: Sequence[float] | None = None,
     cap: float = CAP,
     rounds: int = ROUNDS,
+    workers: Workers | None = None,
     quiet: bool = False,
 ) -> Study:
     """Measure error and run time of every engine over its settings and time steps.
@@ -54,13 +60,16 @@ def run(
     for name in changes:
         if name not in names:
             raise unknown("settings", name, names)
+    if rounds < 1:
+        raise InvalidInput("rounds", rounds, "a whole number >= 1")
     subject = build_scene(scene_name, parameters).title
     steps = None if dt is None else list(dt)
-    ladders: dict[str, list[Ladder]] = {
-        name: [descend(spec, steps, cap) for spec in tried(scene_name, parameters, name, changes.get(name, {}))]
-        for name in names
-    }
-    with Gatherer(names, f"work-precision, {subject}", quiet=quiet) as gatherer:
+    ladders: dict[str, list[Ladder]] = {}
+    for name in names:
+        specs = tried(scene_name, parameters, name, changes.get(name, {}))
+        stepping = "dt" in fields.rules(engine.load(name).Settings)
+        ladders[name] = [descend(s, steps, cap) for s in specs] if stepping else [through(specs, YARDSTICK * cap)]
+    with Gatherer(names, f"work-precision, {subject}", workers=workers, quiet=quiet) as gatherer:
         groups = gatherer.groups(ladders)
         records = gatherer.times([r for found in groups.values() for group in found for r in group], rounds)
         omissions = gatherer.omissions
@@ -89,16 +98,13 @@ def tried(scene_name: str, parameters: dict[str, Any], name: str, changes: dict[
     """The specs that are tried of an engine, before the time step varies: its default, and its sweep as matched."""
     adapter = engine.load(name)
     preset = "matched" if "matched" in adapter.PRESETS else "default"
-    base = {
-        "scene": scene_name,
-        "engine": name,
-        "parameters": parameters,
-        "metrics": ("position_error", "energy_drift"),
-    }
+    metrics = ("position_error", "energy_drift")
+    base = RunSpec(scene=scene_name, engine=name, parameters=parameters, metrics=metrics)
     if changes:
-        return [RunSpec(**base, preset=p, settings=changes) for p in dict.fromkeys(("default", preset))]
-    found = [RunSpec(**base)] if preset == "matched" else []
-    return found + [RunSpec(**base, preset=preset, settings=dict(chosen)) for chosen in adapter.SWEEP]
+        presets = dict.fromkeys(("default", preset))
+        return [msgspec.structs.replace(base, preset=p, settings=changes) for p in presets]
+    found = [base] if preset == "matched" else []
+    return found + [msgspec.structs.replace(base, preset=preset, settings=dict(chosen)) for chosen in adapter.SWEEP]
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.arrays import broadcast, indices, real_array
+from pbd.arrays import broadcast, indices, number, real_array
 from pbd.collision.plane import Planes, closest_point, height, ray_cast
 from pbd.errors import InvalidInput
 from pbd.jit import device
@@ -41,7 +41,8 @@ class Contact(NamedTuple):
 
     C(p) = (p - q) . n >= 0 with q the entry point of the ray x -> p, or, when the particle started
     inside, the surface point closest to p (the static fall-back).
-    ``candidates`` are the particles tested, ``filled[0]`` slots are in use; slot arrays hold one entry a candidate and plane.
+    ``candidates`` are the particles tested, ``filled[0]`` slots are in use; slot arrays hold one entry for each
+    candidate and plane.
     """
 
     planes: Planes
@@ -150,23 +151,17 @@ def plane_contact(
     """
     n, d = particles.w.shape[0], len(particles.x)
     normals = np.atleast_2d(real_array("normal", normal))
-    lengths = np.linalg.norm(normals, axis=1)
-    if normals.shape[1] != d or not lengths.min() > 0.0:
+    lengths = np.linalg.norm(normals, axis=-1)
+    if normals.ndim != 2 or normals.shape[1] != d or len(lengths) == 0 or not lengths.min() > 0.0:
         raise InvalidInput("normal", np.asarray(normal).tolist(), f"of {d} components and length > 0")
-    if not 0.0 <= friction < np.inf:
-        raise InvalidInput("friction", friction, "finite and >= 0")
-    if not 0.0 <= restitution <= 1.0:
-        raise InvalidInput("restitution", restitution, "a number in [0, 1]")
-    if not 0.0 <= gravity < np.inf:
-        raise InvalidInput("gravity", gravity, "finite and >= 0 m/s^2")
     tested = indices("candidates", np.arange(n) if candidates is None else candidates, n)
     tested = tested[particles.w[tested] > 0.0]
     slots = len(tested) * len(normals)
     return Contact(
         planes=Planes(to_store(normals / lengths[:, None]), broadcast("offset", offset, (len(normals),))),
-        friction=float(friction),
-        restitution=float(restitution),
-        gravity=float(gravity),
+        friction=number("friction", friction, 0.0, math.inf, "finite and >= 0"),
+        restitution=number("restitution", restitution, 0.0, 1.0, "a number in [0, 1]"),
+        gravity=number("gravity", gravity, 0.0, math.inf, "finite and >= 0 m/s^2"),
         candidates=tested,
         filled=np.zeros(1, dtype=np.int64),
         particle=np.zeros(slots, dtype=np.int64),

@@ -235,6 +235,14 @@ def test_rigid_mode_damping_leaves_pinned_particles_out():
     np.testing.assert_allclose(after, before, atol=1e-11)
 
 
+@pytest.mark.parametrize("plain", [True, False])
+def test_damping_does_not_brake_what_is_driven(plain):
+    """A pinned particle follows its own velocity, whatever damps the others."""
+    particles = pbd.particles([[0.0, 0.0], [1.0, 0.0]], velocities=[[0.0, 2.0], [1.0, 2.0]], pinned=[0])
+    outcome = damped(particles, 0.5, steps=10, plain=plain)
+    np.testing.assert_allclose(outcome.positions[:, 0, 1], 2.0 * outcome.times, atol=EPS)
+
+
 @pytest.mark.parametrize("k", [0.1, 0.7])
 def test_plain_damping_removes_exactly_k_of_the_momentum(k):
     """v <- (1 - k) v takes the fraction k of P and L: why it fails where rigid modes matter (claim 20)."""
