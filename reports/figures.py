@@ -118,7 +118,7 @@ def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
 
 def _ticks(axis: Any, ratio: float) -> None:
     """Decades where there are several, else 1, 2, 5 as plain numbers."""
-    if ratio > 30.0:
+    if ratio > 100.0:
         axis.set_major_locator(LogLocator(numticks=9))
     else:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
