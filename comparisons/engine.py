@@ -23,7 +23,6 @@ class Engine(Protocol):
     FOREIGN : True runs it in a child process, so that its crash costs one run
     Settings : frozen dataclass of `pbd.fields`; with ``dt`` if it steps, ``method`` if it has several
     PRESETS : name -> changes to the defaults; "default" is what a user gets, {} at least
-    SWEEP : settings tried by the work-precision study, each over many time steps
     describe(settings) : optional, how the settings are named in plots and tables
     VARIANTS : optional, settings shown by the convergence study; else the default and the matched preset
     """
@@ -38,6 +37,9 @@ class Engine(Protocol):
 
     def version(self) -> str:
         """Version of the engine, not of the adapter."""
+
+    def sweep(self, scene: Scene) -> list[dict[str, Any]]:
+        """Settings that the work-precision study tries on the scene, each over many time steps."""
 
     def unsupported(self, scene: Scene, settings: Any) -> str:
         """Why the engine cannot run the scene; empty when it can."""

@@ -13,6 +13,9 @@ MIN_LEVELS = 4
 SLOPE_SPREAD = 0.15
 """Levels belong to the asymptotic range while every local slope is this close to the fitted one (or 10 %)."""
 
+SETTLED = 0.05
+"""The two finest local slopes must agree this well (or to 5 %): else the order is still on its way."""
+
 FLOOR_SLOPE = 0.3
 """A finest level whose local slope is below this gained nothing: it lies at a floor."""
 
@@ -44,8 +47,8 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
     """Fit the order on the finest asymptotic levels above the floor.
 
     Levels with an error that is zero or not finite are left out. From the finest end, levels that gained
-    nothing over their coarser neighbour are the floor; of the rest, the longest run of finest levels whose
-    local slopes all agree with their fit is taken.
+    nothing over their coarser neighbour are the floor; of the rest, if the finest local slopes have settled, the
+    longest run of finest levels whose local slopes all agree with their fit is taken.
     """
     points = sorted((x, e) for x, e in zip(xs, errors, strict=True) if math.isfinite(e) and e > 0.0 and x > 0.0)
     x, e = (np.log(np.array(column)) for column in zip(*points, strict=True)) if points else (np.zeros(0),) * 2
@@ -54,6 +57,8 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
         start += 1
     floor = math.exp(e[0]) if start > 0 else None
     x, e = x[start:], e[start:]
+    if len(x) >= MIN_LEVELS and not _has_settled(_slopes(x, e)):
+        return Fit(floor=floor)
     for levels in range(len(x), MIN_LEVELS - 1, -1):
         regression = stats.linregress(x[:levels], e[:levels])
         allowed = max(SLOPE_SPREAD, 0.1 * abs(regression.slope))
@@ -62,6 +67,10 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
             slope = float(regression.slope)
             return Fit(order=slope, low=slope - half, high=slope + half, xs=np.exp(x[:levels]).tolist(), floor=floor)
     return Fit(floor=floor)
+
+
+def _has_settled(slopes: np.ndarray) -> bool:
+    return bool(abs(slopes[0] - slopes[1]) <= SETTLED * max(1.0, abs(slopes[0])))
 
 
 def _slopes(x: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ def _settings(race: Study) -> Chapter:
         heading=f"Each engine's settings, {race.subject}",
         caption=(
             "One line a setting, the time step varies along it. Symplectic Euler's springs set a floor that falls "
-            "with their stiffness, at the price of smaller stable steps."
+            "with their stiffness, at the price of smaller stable steps. Matched means with a half kick: leapfrog."
         ),
         studies=[work_precision.by_setting(race, engine) for engine in SETTINGS_OF],
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -10,6 +11,17 @@ import msgspec
 SCHEMA = 1
 
 STATUSES = ("ok", "drifting", "diverged", "timeout", "crashed", "refused", "unsupported")
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with numpy's numbers and arrays, and tuples, as Python's own numbers and lists."""
+    return {key: _plain(value) for key, value in values.items()}
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return [_plain(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 class RunSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -26,6 +38,10 @@ class RunSpec(msgspec.Struct, frozen=True, kw_only=True):
     settings: dict[str, Any] = {}
     seed: int = 0
     metrics: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("parameters", "settings"):
+            msgspec.structs.force_setattr(self, name, plain(getattr(self, name)))
 
     def key(self) -> str:
         """A digest of all fields, independent of their order."""

@@ -128,8 +128,9 @@ def classify(scene: Scene, trajectory: Trajectory) -> Status:
         return Status()  # a rigid link that starts violated holds unbounded energy, so energy judges nothing
     rise = (subject.energy - subject.energy[0]) / subject.energy_scale
     for limit, code in ((BLOW_UP_RISE, "diverged"), (MAX_ENERGY_RISE, "drifting")):
-        if rise.max() > limit:
-            sample = int(np.argmax(rise > limit))
+        above = ~(rise <= limit)  # true for nan as well
+        if above.any():
+            sample = int(np.argmax(above))
             step = trajectory.steps * sample // max(len(trajectory.times) - 1, 1)
             return Status(code=code, step=step, quantity="energy", remedy=smaller)
     return Status()

@@ -136,7 +136,10 @@ def reference(scene: Scene) -> tuple[np.ndarray, float]:
     key = f"reference {environment()} {_digest(scene)}"
     value = _get(key)
     if value is None:
-        positions, limit = references.solve(scene).positions, references.horizon(scene)
+        solved = references.solve(scene)
+        if solved.diverged:
+            raise references.NoReference(f"DOP853 broke off at {solved.times[-1]:g} s: {solved.diverged}")
+        positions, limit = solved.positions, references.horizon(scene)
         buffer = io.BytesIO()
         np.savez(buffer, positions=positions, horizon=limit)
         value = buffer.getvalue()

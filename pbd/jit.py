@@ -124,7 +124,7 @@ class KernelCache(_Cache):
             return
         try:
             path = self._path(sig, data.codegen)
-        except OSError:
+        except Exception:  # as above: no key, no cache, but a run
             return
         payload = dumps(data._reduce())
         digest = hashlib.blake2b(payload, digest_size=_DIGEST_BYTES).digest()
@@ -198,12 +198,12 @@ def _constants(module: ModuleType) -> Iterator[str]:
     if str(Path(str(module.__file__)).resolve()).startswith(_OWN):
         return  # all of them stand in the package's own files
     for name, value in sorted(vars(module).items()):
-        if not name.startswith("__") and isinstance(value, (*_SCALARS, tuple, numpy.ndarray)):
+        if not name.startswith("__") and (isinstance(value, (*_SCALARS, tuple)) or type(value) is numpy.ndarray):
             yield f"{module.__name__}.{name} {_text(value)}"
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, numpy.ndarray):
+    if type(value) is numpy.ndarray:
         return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, tuple):
         return f"({', '.join(_text(part) for part in value)})"

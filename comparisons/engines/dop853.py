@@ -55,6 +55,10 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     return ""
 
 
+def sweep(scene: Scene) -> list[dict[str, Any]]:
+    return SWEEP
+
+
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """The equations of motion; the run is one ``solve_ivp`` with the samples from its dense output."""
     if len(scene.masses.masses) == 0:

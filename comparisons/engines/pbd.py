@@ -73,6 +73,11 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     return "" if known else "the scene has links that are neither rods nor springs"
 
 
+def sweep(scene: Scene) -> list[dict[str, Any]]:
+    """Without compliance XPBD is PBD with k = 1, to the last bit: one of the two is enough."""
+    return SWEEP if scene.of(Springs) else [chosen for chosen in SWEEP if chosen["method"] != "xpbd"]
+
+
 def describe(settings: Settings) -> str:
     """The method and its counts in words."""
     counts = ((settings.iterations, "iterations"), (settings.substeps, "sub-steps"))

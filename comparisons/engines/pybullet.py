@@ -113,6 +113,10 @@ def _articulated(links: int, settings: Settings) -> bool:
     return links > 0 and (settings.formulation == "articulated" or (settings.formulation == "by_links" and links == 1))
 
 
+def sweep(scene: Scene) -> list[dict[str, Any]]:
+    return SWEEP
+
+
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the world in a client of its own, which disconnects when the returned run is dropped: never timed."""
     check_scene(scene)

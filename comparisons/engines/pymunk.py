@@ -75,6 +75,10 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     return "" if known else "the scene has links that are neither rods nor springs"
 
 
+def sweep(scene: Scene) -> list[dict[str, Any]]:
+    return SWEEP
+
+
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the space; the run steps and samples it."""
     check_scene(scene)

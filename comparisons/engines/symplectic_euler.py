@@ -74,6 +74,11 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     return "" if known else "the scene has links that are neither rods nor springs"
 
 
+def sweep(scene: Scene) -> list[dict[str, Any]]:
+    """Stiffness and damping stand for rigid links; without such there is nothing to try."""
+    return SWEEP if scene.of(Rods) else [{}]
+
+
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the arrays; the run is one kernel call."""
     from comparisons.engines._symplectic_euler_kernel import integrate

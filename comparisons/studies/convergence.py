@@ -13,7 +13,7 @@ from comparisons import catalog, engine
 from comparisons.fit import Fit, fit_order
 from comparisons.gather import Gatherer, Ladder, descend
 from comparisons.isolation import Workers
-from comparisons.record import Record, RunSpec
+from comparisons.record import Record, RunSpec, plain
 from comparisons.run import bind, build_scene
 from comparisons.study import Panel, Series, Study, head, label
 from pbd import fields
@@ -57,7 +57,7 @@ def run(
     ------
     InvalidInput : before anything runs
     """
-    parameters, changes = dict(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
+    parameters, changes = plain(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
     names = list(engines or filter(_steps, catalog.names("engines")))
     for name in changes:
         if name not in names:

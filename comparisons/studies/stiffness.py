@@ -20,7 +20,7 @@ import numpy as np
 from comparisons import catalog, engine
 from comparisons.gather import Gatherer, Ladder, once
 from comparisons.isolation import Workers
-from comparisons.record import Record, RunSpec
+from comparisons.record import Record, RunSpec, plain
 from comparisons.run import bind
 from comparisons.study import Omission, Panel, Series, Study, head
 from pbd.errors import InvalidInput
@@ -86,7 +86,7 @@ def run(
         engine.load(name)
     engine.make_settings("pbd", "default", {"dt": dt})
     counts = list(iterations or ITERATIONS)
-    plan = [line for line in _lines(scene_name, dict(scene or {}), k, dt, counts) if line.engine in names]
+    plan = [line for line in _lines(scene_name, plain(scene or {}), k, dt, counts) if line.engine in names]
     for line in plan:
         for spec in line.specs:
             bind(spec)
@@ -97,7 +97,7 @@ def run(
         title=f"What stiffness k = {k:g} does, at dt = {dt:.4g} s",
         subject="stiffness",
         scene=scene_name,
-        parameters=dict(scene or {}),
+        parameters=plain(scene or {}),
         head=head(),
         panels=list(PANELS),
         series=series + _closed_forms(k, dt, counts),

@@ -10,7 +10,7 @@ import msgspec
 from comparisons import catalog, engine
 from comparisons.gather import ROUNDS, Gatherer, Ladder, descend, through
 from comparisons.isolation import Workers
-from comparisons.record import Record, RunSpec
+from comparisons.record import Record, RunSpec, plain
 from comparisons.run import build_scene
 from comparisons.study import Panel, Series, Study, Winner, duration, head, variant
 from pbd import fields
@@ -55,7 +55,7 @@ def run(
     ------
     InvalidInput : before anything runs
     """
-    parameters, changes = dict(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
+    parameters, changes = plain(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
     names = list(engines or catalog.names("engines"))
     for name in changes:
         if name not in names:
@@ -95,7 +95,7 @@ def run(
 
 
 def tried(scene_name: str, parameters: dict[str, Any], name: str, changes: dict[str, Any]) -> list[RunSpec]:
-    """The specs that are tried of an engine, before the time step varies: its default, and its sweep as matched."""
+    """The specs that are tried of an engine, before the time step varies: its default, and its sweep, matched."""
     adapter = engine.load(name)
     preset = "matched" if "matched" in adapter.PRESETS else "default"
     metrics = ("position_error", "energy_drift")
@@ -103,8 +103,9 @@ def tried(scene_name: str, parameters: dict[str, Any], name: str, changes: dict[
     if changes:
         presets = dict.fromkeys(("default", preset))
         return [msgspec.structs.replace(base, preset=p, settings=changes) for p in presets]
+    chosen_settings = adapter.sweep(build_scene(scene_name, parameters))
     found = [base] if preset == "matched" else []
-    return found + [msgspec.structs.replace(base, preset=preset, settings=dict(chosen)) for chosen in adapter.SWEEP]
+    return found + [msgspec.structs.replace(base, preset=preset, settings=dict(chosen)) for chosen in chosen_settings]
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -75,7 +75,10 @@ def test_every_engine_defines_what_an_adapter_is(name):
     assert adapter.TITLE
     assert isinstance(adapter.FOREIGN, bool)
     assert adapter.PRESETS["default"] == {}
-    for changes in [*adapter.PRESETS.values(), *adapter.SWEEP, *getattr(adapter, "VARIANTS", [])]:
+    scenes = [catalog.load("scenes", scene) for scene in catalog.names("scenes")]
+    tried = [changes for module in scenes for changes in adapter.sweep(module.build(module.Parameters()))]
+    assert tried
+    for changes in [*adapter.PRESETS.values(), *tried, *getattr(adapter, "VARIANTS", [])]:
         engine.make_settings(name, "default", changes)
     for key, rule in fields.rules(adapter.Settings).items():
         assert rule.doc, f"{name}.{key} says what it is"
@@ -136,7 +139,7 @@ NEW = {
         from comparisons.trajectory import Trajectory
         from pbd import fields
 
-        TITLE, FOREIGN, PRESETS, SWEEP = "standstill", True, {"default": {}}, []
+        TITLE, FOREIGN, PRESETS = "standstill", True, {"default": {}}
 
         @dataclass(frozen=True)
         class Settings:
@@ -144,6 +147,7 @@ NEW = {
 
         def missing(): return ""
         def version(): return "1"
+        def sweep(scene): return [{}]
         def unsupported(scene, settings): return ""
 
         def prepare(scene, settings):

@@ -174,14 +174,16 @@ def run_program(*arguments, **environment):
 
 
 def test_compiled_and_plain_python_agree():
-    """NUMBA_DISABLE_JIT=1 runs the same source: every law, contacts, damping, a user's file, a second group."""
+    """NUMBA_DISABLE_JIT=1 runs the same source: laws, contacts, damping, a user's file, a second group."""
     done = run_program(str(HERE / "user_scenes.py"), NUMBA_DISABLE_JIT="1")
     assert "compiling" not in done.stderr
     plain, compiled = json.loads(done.stdout), scenes.summary()
     assert plain.keys() == compiled.keys()
     for name, quantities in compiled.items():
         for quantity, value in quantities.items():
-            np.testing.assert_allclose(plain[name][quantity], value, rtol=1e-12, atol=1e-12, err_msg=f"{name} {quantity}")
+            np.testing.assert_allclose(
+                plain[name][quantity], value, rtol=1e-12, atol=1e-12, err_msg=f"{name} {quantity}"
+            )
 
 
 @pytest.mark.parametrize("first", ["Simulation", "Outcome", "simulate", "particles"])

@@ -207,7 +207,7 @@ def test_too_many_particles_come_with_an_estimate():
 
 
 def test_errors_are_value_errors():
-    with pytest.raises(ValueError, match="settings.dt"):
+    with pytest.raises(ValueError, match=r"settings\.dt"):
         pbd.Settings(dt=-1.0)
 
 

@@ -33,7 +33,7 @@ import numpy as np
 from comparisons.trajectory import Trajectory
 from pbd import fields
 
-TITLE, FOREIGN, PRESETS, SWEEP = "faulty", True, {"default": {}}, []
+TITLE, FOREIGN, PRESETS = "faulty", True, {"default": {}}
 FAULTS = (
     "none", "segv", "abrt", "kill", "hang", "deaf", "flood", "exit", "leave", "raise", "memory", "recursion",
     "garbage", "silence",

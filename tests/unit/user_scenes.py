@@ -47,13 +47,14 @@ def drums(steps=100):
 
 
 def package_scene():
-    """What the package alone offers, together: links of all laws, planes with friction, damping, a force field."""
+    """What the package alone offers, together: links of two laws, planes with friction, damping, a force field."""
     particles = pbd.particles(
         np.column_stack([0.3 * np.arange(6), 0.5 + 0.1 * np.arange(6) ** 2 / 5]), masses=1.0 + np.arange(6), pinned=[0]
     )
-    laws = [pbd.Stiffness(), pbd.Stiffness(0.5), pbd.Compliance(1e-4), pbd.Compliance(1e-3, 10.0)]
-    batches = [pbd.distance(particles, [(n, n + 1)], law=law) for n, law in enumerate(laws)]
-    batches.append(pbd.distance(particles, [(4, 5)], law=pbd.Stiffness(relation="at_most")))
+    batches = [
+        pbd.distance(particles, [(0, 1), (1, 2), (2, 3)], law=pbd.Stiffness(np.array([1.0, 0.5, 0.3]))),
+        pbd.distance(particles, [(3, 4), (4, 5)], law=pbd.Compliance(1e-3, 10.0, relation="at_most")),
+    ]
     batches.append(pbd.plane_contact(particles, normal=(0.1, 1.0), friction=0.3, restitution=0.5))
     settings = pbd.Settings(dt=0.005, iterations=3, substeps=2, damping=pbd.Damping(0.01))
     force = pbd.point_forces(particles, np.linspace(0.0, 1.0, 12).reshape(6, 2))

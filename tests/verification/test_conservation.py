@@ -148,7 +148,9 @@ def test_pinned_particles_never_move(dimension):
     gravity = -9.81 * np.eye(dimension)[1]
     outcome = pbd.Simulation(particles, net(particles), gravity=gravity, settings=settings).run(100)
     assert outcome.status == "ok"
-    assert np.array_equal(outcome.positions[:, [2, 5]], np.broadcast_to(outcome.positions[0, [2, 5]], (101, 2, dimension)))
+    assert np.array_equal(
+        outcome.positions[:, [2, 5]], np.broadcast_to(outcome.positions[0, [2, 5]], (101, 2, dimension))
+    )
     assert not outcome.velocities[:, [2, 5]].any()
     assert np.abs(outcome.positions[-1, [0, 1, 3, 4]] - outcome.positions[0, [0, 1, 3, 4]]).max() > 0.1
 

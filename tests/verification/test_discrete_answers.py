@@ -5,6 +5,7 @@ Only the last two groups compare with the continuous system, by fitted orders.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -140,8 +141,9 @@ def test_decay_per_period_of_the_published_spring():
     x = run(spring(pbd.Compliance(1e-3)), 360, dt=h).positions[:, 1, 0] - 1.0
     crossings = np.flatnonzero((x[:-1] > 0.0) & (x[1:] <= 0.0))
     at = crossings + x[crossings] / (x[crossings] - x[crossings + 1])
-    assert np.diff(at).mean() == pytest.approx(2 * math.pi / math.atan(omega * h), rel=2e-3) == pytest.approx(71.7, 1e-2)
-    peaks = [x[a:b].max() for a, b in zip(crossings[:-1], crossings[1:], strict=True)]
+    assert np.diff(at).mean() == pytest.approx(2 * math.pi / math.atan(omega * h), rel=2e-3)
+    assert np.diff(at).mean() == pytest.approx(71.7, abs=0.2)
+    peaks = [x[a:b].max() for a, b in itertools.pairwise(crossings)]
     assert peaks[1] / peaks[0] == pytest.approx(0.759, abs=0.005)
 
 
@@ -162,9 +164,8 @@ def test_zero_compliance_is_rigid_pbd(iterations):
 @pytest.mark.parametrize(("dt", "steps"), [(1 / 60, 600), (1 / 240, 6000), (1 / 960, 60000)])
 def test_xpbd_static_sag_is_that_of_the_spring(dt, steps, iterations):
     """m g alpha for every time step and number of iterations (claim 4)."""
-    assert sag(spring(pbd.Compliance(1e-3), stretch=0.0, direction=DOWN), steps, dt=dt, iterations=iterations) == pytest.approx(
-        G * 1e-3, abs=1e-10
-    )
+    scene = spring(pbd.Compliance(1e-3), stretch=0.0, direction=DOWN)
+    assert sag(scene, steps, dt=dt, iterations=iterations) == pytest.approx(G * 1e-3, abs=1e-10)
 
 
 # ------------------------------------------------------------------ PBD's stiffness

@@ -218,7 +218,9 @@ def test_dropped_links_take_their_own_values_along(kind):
         assert -simulation.run(1, [1]).positions[0, 2, 1] - 1.0 == pytest.approx(0.5 * left, abs=1e-12)
 
 
-@pytest.mark.parametrize(("steps", "substeps", "iterations", "links"), [(7, 1, 1, 5), (7, 3, 4, 5), (0, 3, 4, 5), (2, 1, 9, 1)])
+@pytest.mark.parametrize(
+    ("steps", "substeps", "iterations", "links"), [(7, 1, 1, 5), (7, 3, 4, 5), (0, 3, 4, 5), (2, 1, 9, 1)]
+)
 def test_projections_are_counted_exactly(steps, substeps, iterations, links):
     x = np.column_stack([np.arange(links + 1.0), np.zeros(links + 1)])
     particles = pbd.particles(x, pinned=[0])
