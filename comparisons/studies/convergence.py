@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -62,26 +63,19 @@ def run(
     for name in changes:
         if name not in names:
             raise unknown("settings", name, names)
-    counts = {"substeps": substeps, "iterations": iterations}
     bases = [base for name in names for base in variants(scene_name, parameters, name, changes.get(name, {}))]
     _check(bases, dt)
     subject = build_scene(scene_name, parameters).title
-    ladders: dict[str, list[Ladder]] = {name: [] for name in names}
-    plan: list[tuple[str, RunSpec]] = []
-    for base in bases:
-        ladders[base.engine].append(descend(base, list(dt) if dt is not None else None, cap))
-        plan.append(("dt", base))
-    for axis, values in counts.items():
-        for base in bases:
-            if values and axis not in changes.get(base.engine, {}) and _varies(base, axis):
-                ladders[base.engine].append(_counts(base, axis, values))
-                plan.append((axis, base))
+    lines = [Line("dt", base, descend(base, None if dt is None else list(dt), cap)) for base in bases]
+    for axis, values in (("substeps", substeps or ()), ("iterations", iterations or ())):
+        lines += [
+            Line(axis, base, _counts(base, axis, values)) for base in bases if values and _varies(base, axis, changes)
+        ]
     with Gatherer(names, f"convergence, {subject}", workers=workers, quiet=quiet) as gatherer:
-        groups = gatherer.groups(ladders)
+        found = gatherer.groups({name: [line.ladder for line in lines if line.base.engine == name] for name in names})
         omissions = gatherer.omissions
-    ordered = [groups[base.engine].pop(0) for _, base in plan]
-    series = [_series(axis, base, found) for (axis, base), found in zip(plan, ordered, strict=True)]
-    used = {s.panel for s in series if s.x}
+    groups = [found[line.base.engine].pop(0) for line in lines]
+    series = [s for s in map(_series, lines, groups) if s.x]
     return Study(
         kind="convergence",
         title=f"Convergence: {subject}",
@@ -90,13 +84,24 @@ def run(
         parameters=parameters,
         head=head(),
         panels=[
-            Panel(name=a, title=f"error against {a}", x=x, y="position error [m]") for a, x in AXES.items() if a in used
+            Panel(name=axis, title=f"error against {axis}", x=words, y="position error [m]")
+            for axis, words in AXES.items()
+            if axis in {s.panel for s in series}
         ],
-        series=[s for s in series if s.x],
-        records=[record for found in ordered for record in found],
+        series=series,
+        records=[record for group in groups for record in group],
         omissions=omissions,
-        sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.x and s.fit],
+        sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.fit],
     )
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the plot: what varies, the specs' common part, the ladder of specs along it."""
+
+    axis: str
+    base: RunSpec
+    ladder: Ladder
 
 
 def variants(scene_name: str, parameters: dict[str, Any], name: str, changes: dict[str, Any]) -> list[RunSpec]:
@@ -123,12 +128,15 @@ def _steps(name: str) -> bool:
     return "dt" in fields.rules(engine.load(name).Settings)
 
 
-def _varies(base: RunSpec, axis: str) -> bool:
-    """Whether an engine has the setting and its method leaves it free."""
-    if axis not in fields.rules(engine.load(base.engine).Settings):
+def _varies(base: RunSpec, axis: str, changes: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether an engine has the setting, its method takes another count than 1, and the user did not fix it."""
+    if axis not in fields.rules(engine.load(base.engine).Settings) or axis in changes.get(base.engine, {}):
         return False
-    fixed = {"small_steps": "iterations", "pbd": "substeps", "xpbd": "substeps"}
-    return fixed.get(base.settings.get("method", "")) != axis
+    try:
+        engine.make_settings(base.engine, base.preset, {**base.settings, axis: 2})
+    except InvalidInput:
+        return False
+    return True
 
 
 def _counts(base: RunSpec, axis: str, values: Sequence[int]) -> Ladder:
@@ -144,8 +152,9 @@ def _counts(base: RunSpec, axis: str, values: Sequence[int]) -> Ladder:
     return following
 
 
-def _series(axis: str, base: RunSpec, found: list[Record]) -> Series:
-    """One line of the plot; iterations and sub-steps are fitted over 1/n."""
+def _series(line: Line, found: list[Record]) -> Series:
+    """A line's points and fit; iterations and sub-steps are fitted over 1/n."""
+    axis, base = line.axis, line.base
     points = [
         (float(record.settings[axis]), record.metric("position_error"))
         for record in found

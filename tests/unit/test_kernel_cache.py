@@ -23,7 +23,7 @@ def python(directory, *arguments, cache=None, **variables):
     environment = {
         **os.environ,
         "PBD_CACHE_DIR": str(cache),
-        "PYTHONPATH": str(directory),
+        "PYTHONPATH": os.pathsep.join([str(directory), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep),
         "PYTHONDONTWRITEBYTECODE": "1",
         **variables,
     }

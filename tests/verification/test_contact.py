@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import pbd
+from pbd.collision.plane import Planes, ray_cast
+from pbd.vector import to_store
 
 G = 9.81
 H = 0.001
@@ -57,6 +59,24 @@ def test_entry_point_is_where_the_ray_meets_the_plane(dimension):
     np.testing.assert_allclose(entry, in_plane(dimension, along * height / down, 0.0), atol=1e-12)
     np.testing.assert_allclose(x[1], in_plane(dimension, along * H, 0.0), atol=1e-12)
     np.testing.assert_allclose(v[1], in_plane(dimension, along, 0.0), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "hits", "point"),
+    [
+        ((0.0, 1.0), (2.0, -1.0), True, (1.0, 0.0)),
+        ((0.0, 0.0), (2.0, -1.0), True, (0.0, 0.0)),  # on the surface is outside: a resting particle is found
+        ((0.0, 1.0), (2.0, 0.0), False, None),  # to the surface is not through it
+        ((0.0, -1.0), (2.0, -2.0), False, None),  # from inside there is no entry
+        ((0.0, -1.0), (2.0, 1.0), False, None),  # nor on the way out
+        ((0.0, 2.0), (2.0, 1.0), False, None),
+    ],
+)
+def test_ray_cast(start, stop, hits, point):
+    floor = Planes(to_store(np.array([[0.0, 1.0]])), np.zeros(1))
+    found, entry = ray_cast(floor, 0, start, stop)
+    assert found is hits
+    assert not hits or entry == pytest.approx(point)
 
 
 @pytest.mark.parametrize("speed", [-3.0, 0.0])
