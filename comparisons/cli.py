@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,16 +27,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code."""
     options = _parser().parse_args(arguments)
     try:
+        _check_places(options)
         return int(options.action(options))
     except InvalidInput as error:
         print(f"pbdbench: {error}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
-        print(f"pbdbench: {error.filename or 'output'}: {error.strerror}; give another place with -o", file=sys.stderr)
+        print(f"pbdbench: {error.filename or 'output'}: {error.strerror}; give another place", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("pbdbench: interrupted; what was finished is kept", file=sys.stderr)
         return INTERRUPTED
+
+
+def _check_places(options: argparse.Namespace) -> None:
+    """Refuse a place that cannot be written to before hours are spent on what should go there."""
+    for flag, name in (("-o", "directory"), ("--json", "json")):
+        place: Path | None = getattr(options, name, None)
+        if place is None:
+            continue
+        if "\0" in str(place):
+            raise InvalidInput(flag, str(place), "a path without NUL")
+        wrong = place.is_dir() if name == "json" else place.exists() and not place.is_dir()
+        nearest = next((p for p in [place, *place.absolute().parents] if p.exists()), place)
+        if wrong or not os.access(nearest, os.W_OK) or (nearest != place and not nearest.is_dir()):
+            kind = "a file" if name == "json" else "a directory"
+            raise InvalidInput(flag, str(place), f"{kind} that can be written", "give another place")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -128,19 +145,24 @@ def _study(options: argparse.Namespace) -> int:
     for omission in study.omissions:
         print(f"left out: {omission.engine}, {omission.reason}; {omission.remedy}")
     print("\n".join(study.sentences))
-    lost = any(record.status.code in ("crashed", "timeout") for record in study.records)
-    return LOST_RUNS if lost else 0
+    return _exit_code([study])
+
+
+def _exit_code(studies: Sequence[Study]) -> int:
+    """3 where runs were lost to a crash or a timeout."""
+    codes = {record.status.code for study in studies for record in study.records}
+    return LOST_RUNS if codes & {"crashed", "timeout"} else 0
 
 
 def _report(options: argparse.Namespace) -> int:
     from comparisons import main_job, store
 
     store.open_file(options.directory.parent / "runs.sqlite")
-    studies = main_job.run()
+    chapters = main_job.run()
     from reports import page
 
-    print(f"report: {page.write(studies, options.directory)}")
-    return 0
+    print(f"report: {page.write(chapters, options.directory)}")
+    return _exit_code([study for chapter in chapters for study in chapter.studies])
 
 
 # ------------------------------------------------------------------ --set

@@ -12,6 +12,12 @@ import numpy as np
 
 from pbd.errors import InvalidInput
 
+STEP = 5e-8
+"""Seconds that the cheapest step of the fastest engine takes."""
+
+MAX_STEPS = 10**10
+"""About ten minutes of the cheapest steps."""
+
 
 @dataclass(frozen=True)
 class PointMasses:
@@ -82,6 +88,10 @@ class Scene:
         if not (math.isfinite(dt) and dt > 0.0):
             raise InvalidInput("dt", dt, "a finite number > 0 s")
         steps = max(1, round(interval / dt))
+        count = steps * self.samples
+        if count > MAX_STEPS:
+            asked = f"{count:.1e} steps asked, at least {count * STEP / 3600:.1g} h"
+            raise InvalidInput("dt", dt, f"so large that the scene takes at most {MAX_STEPS:.0e} steps", asked)
         if abs(interval / dt - steps) > 1e-9 * steps:
             near = interval / steps
             raise InvalidInput(

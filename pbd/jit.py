@@ -39,8 +39,14 @@ from numba.extending import register_jitable
 KERNEL_OPTIONS: Any = {"_nrt": False, "error_model": "numpy"}
 """No allocation, and division by zero gives inf or nan as in numpy: a kernel never raises."""
 
-DEVICE_OPTIONS: Any = {**KERNEL_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""For functions called only by kernels: without the wrappers they compile twice as fast."""
+DEVICE_OPTIONS: Any = {
+    **KERNEL_OPTIONS,
+    "forceinline": True,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+"""For functions called only by kernels. Without wrappers they compile twice as fast; left to itself, LLVM keeps the
+larger stages as calls that pass a hundred words each, which costs a 10-link step another 60 % of its time."""
 
 device = register_jitable(**DEVICE_OPTIONS)
 """Decorator for a helper function that kernels call and that stays plain Python elsewhere."""

@@ -44,7 +44,8 @@ class Particles(NamedTuple):
 
     def kick(self, acceleration, h):
         for k in range(len(self.v)):
-            kick_axis(self.v[k], self.w, h * acceleration[k])
+            if acceleration[k] != 0.0:
+                kick_axis(self.v[k], self.w, h * acceleration[k])
 
     def predict(self, h):
         for k in range(len(self.x)):

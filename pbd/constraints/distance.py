@@ -8,29 +8,54 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.arrays import broadcast, indices
+from pbd.dispatch import stage
 from pbd.errors import InvalidInput
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
 from pbd.vector import dot, from_store, load, scale, subtract
 
 
-class Distance(NamedTuple):
-    """Pairs (i, j) kept at ``rest`` [m] from each other; arrays of shape (m,)."""
+@stage(required=True)
+def pair(pairs, c):
+    """The two particles of constraint c."""
+
+
+class Pairs(NamedTuple):
+    """Any particles i with any j: arrays of shape (m,), unsigned so that no index can mean "from the end"."""
 
     i: np.ndarray
     j: np.ndarray
+
+    def pair(self, c):
+        return self.i[c], self.j[c]
+
+
+class Path(NamedTuple):
+    """Particle first + c with the next one: the compiler keeps their common particle in registers (15 % of a step)."""
+
+    first: np.uint64
+
+    def pair(self, c):
+        i = self.first + np.uint64(c)
+        return i, i + np.uint64(1)
+
+
+class Distance(NamedTuple):
+    """``pairs`` kept at ``rest`` (m,) [m] from each other."""
+
+    pairs: Pairs | Path
     rest: np.ndarray
     law: Any
 
     def size(self):
-        return self.i.shape[0]
+        return self.rest.shape[0]
 
     def evaluate(self, c, x):
         """grad_1 C = n = (p1 - p2)/|p1 - p2|, grad_2 C = -n, both of norm 1.
 
         Limit: coincident points have no direction; n is then 0, and the pair is left as it is.
         """
-        i, j = self.i[c], self.j[c]
+        i, j = pair(self.pairs, c)
         difference = subtract(load(x, i), load(x, j))
         length = math.sqrt(dot(difference, difference))
         normal = scale(1.0 / length if length > 0.0 else 0.0, difference)
@@ -63,7 +88,15 @@ def distance(
     rest = _rest_lengths(particles, index, rest_length)
     moves = particles.w[index].sum(axis=1) > 0.0
     law = _select(law or Stiffness(), moves)
-    return Distance(index[moves, 0].copy(), index[moves, 1].copy(), rest[moves], law)
+    return Distance(_select_pairs(index[moves]), rest[moves], law)
+
+
+def _select_pairs(index: np.ndarray) -> Pairs | Path:
+    """The cheapest form that holds the (m, 2) pairs."""
+    i, j = index.T
+    if len(i) and np.array_equal(i, i[0] + np.arange(len(i))) and np.array_equal(j, i + 1):
+        return Path(np.uint64(i[0]))
+    return Pairs(i.astype(np.uint64), j.astype(np.uint64))
 
 
 def _rest_lengths(particles: Particles, index: np.ndarray, rest_length: Any) -> np.ndarray:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import pbd
 import pbd.constraints
+from pbd.constraints.distance import Pairs, pair
 from pbd.projection import begin, project
 from pbd.stages import evaluate, size
 from pbd.state import State
@@ -197,7 +198,8 @@ def test_a_projection_never_increases_the_violation(data):
     for c in range(size(one)):
         for axis, start in zip(particles.p, particles.x, strict=True):
             axis[:] = start
-        single = one._replace(i=one.i[c : c + 1], j=one.j[c : c + 1], rest=one.rest[c : c + 1], law=entry(one.law, c))
+        pairs = Pairs(*np.array(pair(one.pairs, c))[:, None])
+        single = one._replace(pairs=pairs, rest=one.rest[c : c + 1], law=entry(one.law, c))
         before = evaluate(single, 0, particles.p)[1]
         begin(single, state, h)
         for _ in range(iterations):

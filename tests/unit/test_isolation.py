@@ -19,7 +19,11 @@ from comparisons.record import RunSpec
 
 ROOT = Path(__file__).resolve().parents[2]
 
-ENGINE = '''
+ENGINE = (
+    f"""
+LIMIT = {isolation.MEMORY}
+"""
+    + '''
 """An engine that fails on demand."""
 
 import os
@@ -87,7 +91,7 @@ def run(scene, fault):
     if fault == "raise":
         raise RuntimeError("the engine's own words")
     if fault == "memory":
-        np.ones(2**34)
+        np.empty(LIMIT + 2**30, dtype=np.uint8)  # address space alone, so that it succeeds where nothing limits it
     if fault == "recursion":
         run(scene, fault)
         raise AssertionError
@@ -108,6 +112,7 @@ def run(scene, fault):
     x = np.repeat(scene.masses.positions[None], len(scene.times), axis=0)
     return Trajectory(scene.times, x, 0.0 * x, steps=7, work={"answers": 42})
 '''
+)
 
 
 @pytest.fixture(scope="module")
@@ -196,6 +201,7 @@ def test_an_exception_in_the_child_is_told_and_the_child_lives_on(fault, survivo
 
 
 def test_a_flood_of_output_disturbs_nothing(survivor, capfd):
+    survivor.close()  # a new child has the streams that are watched here
     assert survivor.run(spec("flood")).steps == 7
     assert_works(survivor)
     out, err = capfd.readouterr()

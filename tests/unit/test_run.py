@@ -140,3 +140,10 @@ def test_a_step_longer_than_the_sample_interval_is_off_the_grid(dt):
 def test_round_off_in_dt_is_forgiven():
     for count in (1, 3, 7, 49, 1000):
         assert build_scene("pendulum_chain", {}).steps_per_sample(0.01 / count) == count
+
+
+def test_more_steps_than_anyone_waits_for_are_refused_with_an_estimate():
+    with pytest.raises(
+        InvalidInput, match=r"dt = 1e-12: .* at most 1e\+10 steps; 1\.0e\+12 steps asked, at least 1e\+01 h"
+    ):
+        bind(RunSpec(scene="pendulum_chain", engine="pbd", settings={"dt": 1e-12}))

@@ -55,6 +55,7 @@ def numbered(k):
 
 def test_a_record_comes_back_as_it_was(path):
     store.open_file(path)
+    assert store._file[0].execute("PRAGMA journal_mode").fetchone() == ("wal",), "the mode that a kill cannot hurt"
     assert store.load_record(SPEC) is None
     record = record_of(work={"projections": 2**60}, status=Status(code="drifting", step=3, quantity="energy"))
     store.save_record(SPEC, record)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import pbd
+from pbd.constraints.distance import Pairs, pair
 from pbd.projection import project
 from pbd.state import State
 from pbd.vector import from_store
@@ -82,7 +83,7 @@ def test_projections_keep_both_momenta(dimension):
     particles = cloud(dimension)
     for batch in net(particles):
         for c in range(batch.size()):
-            one = batch._replace(i=batch.i[c : c + 1], j=batch.j[c : c + 1], rest=batch.rest[c : c + 1])
+            one = batch._replace(pairs=Pairs(*np.array(pair(batch.pairs, c))[:, None]), rest=batch.rest[c : c + 1])
             bound = one._replace(law=one.law.bind(1, 1))
             before = from_store(particles.p)
             project(bound, State(particles, None, np.zeros(1, dtype=np.int64)), 0.01)
