@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= build/report
 
-.PHONY: report test check bench clean
+.PHONY: report test check gallery bench clean
 
 report: $(VENV)/.installed
 	$(BIN)/pbdbench report -o $(OUT)
@@ -16,6 +16,10 @@ check: $(VENV)/.tests-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The README's figure, from the report.
+gallery: report
+	cp $(OUT)/figures/run-time-against-error-rigid-chains-as-called-from-python.png reports/gallery/work-precision.png
 
 bench: $(VENV)/.tests-installed
 	$(BIN)/python tests/benchmarks/kernel_floor.py

@@ -13,7 +13,7 @@ matplotlib.use("Agg")
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter, NullLocator
 
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
@@ -21,6 +21,15 @@ from reports.style import RC, colour, looks
 
 FORMATS = ("png", "svg")
 DPI = 130
+
+PANEL = (4.3, 3.3)
+"""Width and height [inches] that one pair of axes takes."""
+
+MANY_DECADES = 1e5
+"""Ratio of the ends of an axis beyond which minor ticks are only noise."""
+
+LEGEND = 2.4
+"""Width [inches] of the legend."""
 
 Cell = tuple[Study, str, str]
 """A study, the name of its panel, the heading."""
@@ -40,7 +49,6 @@ def save(figure: Figure, path: Path) -> None:
     undated = {"Date": None} if path.suffix == ".svg" else {}
     with matplotlib.rc_context(RC):
         figure.savefig(path, dpi=DPI, metadata=undated)
-        figure.set_layout_engine("none")  # laid out once is enough for a second format
 
 
 def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
@@ -53,9 +61,7 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
     own_legends = all(study.kind == "settings" for study, _, _ in cells)
     groups = [_group(cell) for cell in cells]
     with matplotlib.rc_context(RC):
-        width = 4.3 * columns + (0.0 if own_legends else 2.3)
-        figure = Figure(figsize=(width, 3.3 * rows + 0.5), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False).flatten()
+        figure, axes = _canvas(rows, columns, *((0.0, 1.6) if own_legends else (LEGEND, 0.0)))
         handles: dict[str, Any] = {}
         styles = looks([series for group in groups for series in group])
         for ax, cell, group in zip(axes, cells, groups, strict=False):
@@ -64,7 +70,8 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
             artists = _panel(ax, _panel_of(cell), group, styles, cell[2])
             handles.update(artists)
             if own_legends and artists:
-                ax.legend(artists.values(), artists.keys(), frameon=False, fontsize=8)
+                place = {"loc": "upper left", "bbox_to_anchor": (-0.05, -0.2)}
+                ax.legend(artists.values(), artists.keys(), frameon=False, fontsize=8, **place)
         _share_ranges(axes, cells)
         for ax, group in zip(axes, groups, strict=False):
             _triangles(ax, group)
@@ -72,8 +79,27 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
             ax.remove()
         figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
         if not own_legends:
-            figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False)
+            place = (1.0 - LEGEND / figure.get_figwidth(), 1.0 - 0.5 / figure.get_figheight())
+            figure.legend(handles.values(), handles.keys(), loc="upper left", bbox_to_anchor=place, frameon=False)
     return figure
+
+
+def _canvas(rows: int, columns: int, right: float, below: float) -> tuple[Figure, Any]:
+    """Axes on margins fixed in inches, which takes no time to lay out.
+
+    ``right`` is left free beside all axes, ``below`` under each.
+    """
+    width, height = PANEL[0] * columns + right, (PANEL[1] + below) * rows + 0.4
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left=0.75 / width,
+        right=1.0 - (right + 0.1) / width,
+        bottom=(0.55 + below) / height,
+        top=1.0 - 0.7 / height,
+        wspace=0.3,
+        hspace=0.38 + below / (PANEL[1] - 0.9),
+    )
+    return figure, figure.subplots(rows, columns, squeeze=False).flatten()
 
 
 def _group(cell: Cell) -> list[Series]:
@@ -119,7 +145,8 @@ def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
 def _ticks(axis: Any, ratio: float) -> None:
     """Decades where there are several, else 1, 2, 5 as plain numbers."""
     if ratio > 100.0:
-        axis.set_major_locator(LogLocator(numticks=9))
+        axis.set_major_locator(LogLocator(numticks=7))
+        axis.set_minor_locator(NullLocator() if ratio > MANY_DECADES else LogLocator(subs="auto"))
     else:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(10, 10)))
