@@ -70,8 +70,10 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
             artists = _panel(ax, _panel_of(cell), group, styles, cell[2])
             handles.update(artists)
             if own_legends and artists:
-                place = {"loc": "upper left", "bbox_to_anchor": (-0.05, -0.2)}
-                ax.legend(artists.values(), artists.keys(), frameon=False, fontsize=8, **place)
+                corner = (-0.05, -0.2)
+                ax.legend(
+                    artists.values(), artists.keys(), frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=corner
+                )
         _share_ranges(axes, cells)
         for ax, group in zip(axes, groups, strict=False):
             _triangles(ax, group)
