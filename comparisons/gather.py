@@ -6,8 +6,9 @@ and keeps the minimum. Records come from the store where it has them; times neve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,10 +16,10 @@ import numpy as np
 from comparisons import store
 from comparisons.isolation import Lost, Workers
 from comparisons.progress import Progress
-from comparisons.record import Record, RunSpec, Seconds
+from comparisons.record import Record, RunSpec, Seconds, plain
 from comparisons.run import bind, build_scene, execute
 from comparisons.study import Omission
-from pbd.errors import InvalidInput
+from pbd.errors import InvalidInput, unknown
 
 PARALLEL = 2
 ROUNDS = 3
@@ -29,6 +30,24 @@ MAX_LEVELS = 16
 
 Ladder = Callable[[list[Record]], RunSpec | None]
 """Gives the next spec from the records so far, or None at its end."""
+
+
+def asked(
+    scene: Mapping[str, Any] | None,
+    engines: Sequence[str] | None,
+    settings: Mapping[str, Mapping[str, Any]] | None,
+    usual: Iterable[str],
+) -> tuple[dict[str, Any], list[str], dict[str, dict[str, Any]]]:
+    """What a study is asked for, as plain data: scene parameters, engines (default ``usual``), settings by engine.
+
+    Raises `InvalidInput` for settings of an engine that is not in the study.
+    """
+    names = list(engines or usual)
+    changes = {name: plain(each) for name, each in (settings or {}).items()}
+    for name in changes:
+        if name not in names:
+            raise unknown("settings", name, names)
+    return plain(scene or {}), names, changes
 
 
 class Gatherer:

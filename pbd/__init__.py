@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from pbd.errors import InvalidInput as InvalidInput
     from pbd.external import point_forces as point_forces
     from pbd.settings import Settings as Settings
-    from pbd.simulate import Outcome as Outcome
-    from pbd.simulate import Simulation as Simulation
-    from pbd.simulate import simulate as simulate
+    from pbd.simulation import Outcome as Outcome
+    from pbd.simulation import Simulation as Simulation
+    from pbd.simulation import simulate as simulate
     from pbd.state import particles as particles
     from pbd.stiffness import Compliance as Compliance
     from pbd.stiffness import Stiffness as Stiffness
@@ -29,9 +29,9 @@ _HOME = {
     "InvalidInput": "errors",
     "point_forces": "external",
     "Settings": "settings",
-    "Outcome": "simulate",
-    "Simulation": "simulate",
-    "simulate": "simulate",
+    "Outcome": "simulation",
+    "Simulation": "simulation",
+    "simulate": "simulation",
     "particles": "state",
     "Compliance": "stiffness",
     "Stiffness": "stiffness",
@@ -42,10 +42,7 @@ __all__ = sorted(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'pbd' has no attribute {name!r}")
-    module = importlib.import_module(f"pbd.{_HOME[name]}")
-    # All names of the module at once: a function of the same name as its module must win over the module.
-    globals().update({other: getattr(module, other) for other, home in _HOME.items() if home == _HOME[name]})
-    return globals()[name]
+    return getattr(importlib.import_module(f"pbd.{_HOME[name]}"), name)
 
 
 def __dir__() -> list[str]:

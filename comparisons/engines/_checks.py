@@ -1,4 +1,4 @@
-"""What an engine must never be handed: several abort the process, or go on silently, on such numbers."""
+"""What an engine must not be handed: numbers on which several abort the process, links that it does not know."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.scene import Scene, Springs
+from comparisons.scene import Rods, Scene, Springs
 from pbd.errors import InvalidInput
 
 
@@ -21,6 +21,12 @@ def check_scene(scene: Scene) -> None:
         _check("scene.links.lengths", link.lengths, "m", positive=True)
         if isinstance(link, Springs):
             _check("scene.links.compliances", link.compliances, "m/N", positive=True)
+
+
+def beyond_rods_and_springs(scene: Scene) -> str:
+    """Why an engine that knows rods and springs cannot run the scene; empty when it can."""
+    known = all(isinstance(link, Rods | Springs) for link in scene.links)
+    return "" if known else "the scene has links that are neither rods nor springs"
 
 
 def _check(field: str, values: Any, unit: str, positive: bool = False) -> None:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import metadata
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from comparisons.engines._checks import beyond_rods_and_springs
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory
 from pbd import fields
@@ -64,14 +66,11 @@ def missing() -> str:
 
 
 def version() -> str:
-    from importlib.metadata import version as installed
-
-    return installed("pbdbench")
+    return metadata.version("pbdbench")
 
 
 def unsupported(scene: Scene, settings: Settings) -> str:
-    known = all(isinstance(link, Rods | Springs) for link in scene.links)
-    return "" if known else "the scene has links that are neither rods nor springs"
+    return beyond_rods_and_springs(scene)
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:

@@ -12,13 +12,13 @@ import msgspec
 
 from comparisons import catalog, engine
 from comparisons.fit import Fit, fit_order
-from comparisons.gather import Gatherer, Ladder, descend
+from comparisons.gather import Gatherer, Ladder, asked, descend
 from comparisons.isolation import Workers
-from comparisons.record import Record, RunSpec, plain
+from comparisons.record import Record, RunSpec
 from comparisons.run import bind, build_scene
 from comparisons.study import Panel, Series, Study, head, label
 from pbd import fields
-from pbd.errors import InvalidInput, unknown
+from pbd.errors import InvalidInput
 
 CAP = 1.0
 """Seconds that a run may take where the time steps are not given."""
@@ -58,11 +58,7 @@ def run(
     ------
     InvalidInput : before anything runs
     """
-    parameters, changes = plain(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
-    names = list(engines or filter(_steps, catalog.names("engines")))
-    for name in changes:
-        if name not in names:
-            raise unknown("settings", name, names)
+    parameters, names, changes = asked(scene, engines, settings, filter(_steps, catalog.names("engines")))
     bases = [base for name in names for base in variants(scene_name, parameters, name, changes.get(name, {}))]
     _check(bases, dt)
     subject = build_scene(scene_name, parameters).title

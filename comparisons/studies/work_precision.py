@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 
 from comparisons import catalog, engine
-from comparisons.gather import ROUNDS, Gatherer, Ladder, descend, through
+from comparisons.gather import ROUNDS, Gatherer, Ladder, asked, descend, through
 from comparisons.isolation import Workers
-from comparisons.record import Record, RunSpec, plain
+from comparisons.record import Record, RunSpec
 from comparisons.run import build_scene
 from comparisons.study import Panel, Series, Study, Winner, duration, head, variant
 from pbd import fields
-from pbd.errors import InvalidInput, unknown
+from pbd.errors import InvalidInput
 
 CAP = 0.5
 """Seconds that a run may take."""
@@ -55,11 +55,7 @@ def run(
     ------
     InvalidInput : before anything runs
     """
-    parameters, changes = plain(scene or {}), {k: dict(v) for k, v in (settings or {}).items()}
-    names = list(engines or catalog.names("engines"))
-    for name in changes:
-        if name not in names:
-            raise unknown("settings", name, names)
+    parameters, names, changes = asked(scene, engines, settings, catalog.names("engines"))
     if rounds < 1:
         raise InvalidInput("rounds", rounds, "a whole number >= 1")
     subject = build_scene(scene_name, parameters).title
