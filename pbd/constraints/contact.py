@@ -152,7 +152,7 @@ def plane_contact(
     n, d = particles.w.shape[0], len(particles.x)
     normals = np.atleast_2d(real_array("normal", normal))
     lengths = np.linalg.norm(normals, axis=-1)
-    if normals.ndim != 2 or normals.shape[1] != d or len(lengths) == 0 or not lengths.min() > 0.0:
+    if normals.ndim != 2 or normals.shape[1] != d or len(lengths) == 0 or not np.all(lengths > 0.0):
         raise InvalidInput("normal", np.asarray(normal).tolist(), f"of {d} components and length > 0")
     tested = indices("candidates", np.arange(n) if candidates is None else candidates, n)
     tested = tested[particles.w[tested] > 0.0]
