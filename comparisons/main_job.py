@@ -69,7 +69,7 @@ def _settings(race: Study) -> Chapter:
             "One line a setting, the time step varies along it. Symplectic Euler's springs set a floor that falls "
             "with their stiffness, at the price of smaller stable steps. Matched means with a half kick: leapfrog."
         ),
-        studies=[work_precision.by_setting(race, engine) for engine in SETTINGS_OF],
+        studies=[s for s in (work_precision.by_setting(race, engine) for engine in SETTINGS_OF) if s.series],
     )
 
 

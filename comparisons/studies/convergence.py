@@ -16,7 +16,7 @@ from comparisons.gather import Gatherer, Ladder, asked, descend
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.run import bind, build_scene
-from comparisons.study import Panel, Series, Study, head, label
+from comparisons.study import Omission, Panel, Series, Study, head, label
 from pbd import fields
 from pbd.errors import InvalidInput
 
@@ -86,7 +86,7 @@ def run(
         ],
         series=series,
         records=[record for group in groups for record in group],
-        omissions=omissions,
+        omissions=omissions + _absent(series, {omission.engine for omission in omissions}),
         sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.fit],
     )
 
@@ -118,6 +118,19 @@ def _check(bases: list[RunSpec], dts: Sequence[float] | None) -> None:
             raise InvalidInput("engines", base.engine, "engines with a fixed time step")
     if dts is not None and len(set(dts)) != len(dts):
         raise InvalidInput("dt", list(dts), "different time steps")
+
+
+def _absent(series: list[Series], known: set[str]) -> list[Omission]:
+    """Engines that are missing from a panel because they have nothing that varies along its axis."""
+    found = []
+    for name in sorted(set(catalog.names("engines")) - known):
+        panels = {s.panel for s in series if s.engine == name}
+        if not _steps(name):
+            found.append(Omission(name, "chooses its own time steps", "see run time against error"))
+        elif panels:
+            lacking = [AXES[axis] for axis in dict.fromkeys(s.panel for s in series) if axis not in panels]
+            found += [Omission(name, f"has no {words}", "see its error against time step") for words in lacking]
+    return found
 
 
 def _steps(name: str) -> bool:

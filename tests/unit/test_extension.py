@@ -173,10 +173,11 @@ def run_program(*arguments, **environment):
     return done
 
 
-def test_compiled_and_plain_python_agree():
-    """NUMBA_DISABLE_JIT=1 runs the same source: laws, contacts, damping, a user's file, a second group."""
-    done = run_program(str(HERE / "user_scenes.py"), NUMBA_DISABLE_JIT="1")
-    assert "compiling" not in done.stderr
+@pytest.mark.parametrize("way", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
+def test_compiled_agrees_with_plain_python_and_with_checked_bounds(way):
+    """The same source runs uncompiled, and inside its arrays: laws, contacts, damping, a user's file, other groups."""
+    done = run_program(str(HERE / "user_scenes.py"), **{way: "1"})
+    assert "compiling" not in done.stderr or way == "NUMBA_BOUNDSCHECK"
     plain, compiled = json.loads(done.stdout), scenes.summary()
     assert plain.keys() == compiled.keys()
     for name, quantities in compiled.items():
