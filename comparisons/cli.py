@@ -210,7 +210,7 @@ def _engine_settings(name: str, texts: dict[str, str]) -> dict[str, Any]:
 
 
 def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:
-    """Keyword arguments of a study: numbers, or lists of numbers for what it sweeps."""
+    """Keyword arguments of a study: numbers, lists of numbers for what it sweeps, none for what it leaves out."""
     import inspect
 
     from pbd.errors import unknown
@@ -225,6 +225,9 @@ def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:
     for key, text in texts.items():
         if key not in known:
             raise unknown("--set", key, [*known, "scene.NAME", "ENGINE.NAME"])
+        if text == "none" and "None" in known[key]:
+            found[key] = None
+            continue
         kind = int if "int" in known[key] else float
         many = "Sequence" in known[key]
         try:

@@ -16,6 +16,12 @@ SLOPE_SPREAD = 0.15
 SETTLED = 0.05
 """The two finest local slopes must agree this well (or to 5 %): else the order is still on its way."""
 
+WHOLE = 0.15
+"""Orders are whole numbers; a slope further from one is still on its way, however steady it looks."""
+
+BEND = 2
+"""Levels that may lie on the bend between the asymptotic range and the floor."""
+
 FLOOR_SLOPE = 0.3
 """A finest level whose local slope is below this gained nothing: it lies at a floor."""
 
@@ -47,30 +53,45 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
     """Fit the order on the finest asymptotic levels above the floor.
 
     Levels with an error that is zero or not finite are left out. From the finest end, levels that gained
-    nothing over their coarser neighbour are the floor; of the rest, if the finest local slopes have settled, the
-    longest run of finest levels whose local slopes all agree with their fit is taken.
+    nothing over their coarser neighbour are the floor, and up to BEND levels before it may bend towards it. Of the
+    rest, if the finest local slopes have settled near a whole number, the longest run of finest levels whose local
+    slopes all agree with their fit is taken.
     """
     points = sorted((x, e) for x, e in zip(xs, errors, strict=True) if math.isfinite(e) and e > 0.0 and x > 0.0)
     x, e = (np.log(np.array(column)) for column in zip(*points, strict=True)) if points else (np.zeros(0),) * 2
     start = 0
     while start + 1 < len(x) and _slopes(x, e)[start] < FLOOR_SLOPE:
         start += 1
-    floor = math.exp(e[0]) if start > 0 else None
-    x, e = x[start:], e[start:]
-    if len(x) >= MIN_LEVELS and not _has_settled(_slopes(x, e)):
-        return Fit(floor=floor)
+    for first in range(start, min(start + BEND, max(len(x) - MIN_LEVELS, start)) + 1):
+        found = _fit(x[first:], e[first:])
+        if found is not None:
+            return msgspec.structs.replace(found, floor=math.exp(e[0]) if first > 0 else None)
+        if first + 2 < len(x) and _slopes(x, e)[first] > _slopes(x, e)[first + 1]:
+            break  # the finest slope is the steepest: no bend towards a floor
+    return Fit(floor=math.exp(e[0]) if start > 0 else None)
+
+
+def _fit(x: np.ndarray, e: np.ndarray) -> Fit | None:
+    """The fit of the longest run of finest levels that is asymptotic; None where there is none."""
+    if len(x) < MIN_LEVELS or not _has_settled(_slopes(x, e)):
+        return None
     for levels in range(len(x), MIN_LEVELS - 1, -1):
         regression = stats.linregress(x[:levels], e[:levels])
-        allowed = max(SLOPE_SPREAD, 0.1 * abs(regression.slope))
-        if np.abs(_slopes(x[:levels], e[:levels]) - regression.slope).max() <= allowed:
+        slope = float(regression.slope)
+        if _agree(_slopes(x[:levels], e[:levels]), slope):
             half = float(stats.t.ppf(0.975, levels - 2) * regression.stderr)
-            slope = float(regression.slope)
-            return Fit(order=slope, low=slope - half, high=slope + half, xs=np.exp(x[:levels]).tolist(), floor=floor)
-    return Fit(floor=floor)
+            return Fit(order=slope, low=slope - half, high=slope + half, xs=np.exp(x[:levels]).tolist())
+    return None
 
 
 def _has_settled(slopes: np.ndarray) -> bool:
     return bool(abs(slopes[0] - slopes[1]) <= SETTLED * max(1.0, abs(slopes[0])))
+
+
+def _agree(slopes: np.ndarray, slope: float) -> bool:
+    """Whether local slopes lie near their fit, and the fit near a whole order."""
+    allowed = max(SLOPE_SPREAD, 0.1 * abs(slope))
+    return bool(np.abs(slopes - slope).max() <= allowed and abs(slope - max(round(slope), 1)) <= WHOLE)
 
 
 def _slopes(x: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -271,3 +271,10 @@ def test_figures_of_a_study_in_which_nothing_ran(place, capsys):
     assert cli.main([*arguments, "-o", "out"]) == 0
     assert "left out: pybullet" in capsys.readouterr().out
     assert (place / "out" / "convergence.json").exists()
+
+
+def test_a_sweep_may_be_left_out():
+    from comparisons.studies import convergence
+
+    asked = cli._arguments(convergence, {"substeps": "none", "iterations": "1,2", "cap": "0.5"})
+    assert asked == {"substeps": None, "iterations": [1, 2], "cap": 0.5}
