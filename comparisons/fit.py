@@ -53,8 +53,8 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
     """Fit the order on the finest asymptotic levels above the floor.
 
     Levels with an error that is zero or not finite are left out. From the finest end, levels that gained
-    nothing over their coarser neighbour are the floor, and up to BEND levels before it may bend towards it. Of the
-    rest, if the finest local slopes have settled near a whole number, the longest run of finest levels whose local
+    nothing over their coarser neighbour are the floor, and up to BEND levels before it may bend towards it, or dip
+    where round-off cancels the error. Of the rest, if the finest local slopes have settled near a whole number, the longest run of finest levels whose local
     slopes all agree with their fit is taken.
     """
     points = sorted((x, e) for x, e in zip(xs, errors, strict=True) if math.isfinite(e) and e > 0.0 and x > 0.0)
@@ -66,8 +66,8 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
         found = _fit(x[first:], e[first:])
         if found is not None:
             return msgspec.structs.replace(found, floor=math.exp(e[0]) if first > 0 else None)
-        if first + 2 < len(x) and _slopes(x, e)[first] > _slopes(x, e)[first + 1]:
-            break  # the finest slope is the steepest: no bend towards a floor
+        if start == 0 and first + 2 < len(x) and _slopes(x, e)[first] > _slopes(x, e)[first + 1]:
+            break  # no floor in sight, and the finest slope is the steepest: no bend towards one either
     return Fit(floor=math.exp(e[0]) if start > 0 else None)
 
 

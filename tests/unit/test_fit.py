@@ -43,6 +43,14 @@ def test_levels_on_the_bend_to_a_floor_are_left_out():
     assert found.floor == pytest.approx(2.57e-5)
 
 
+def test_a_dip_before_a_rising_floor_is_left_out():
+    """Round-off first cancels the error, then takes over: one rigid link at time steps below 1e-6 s."""
+    errors = np.append(1e-3 * LEVELS[:8], [2.5e-7, 9e-7])
+    found = fit(errors)
+    assert found.order == pytest.approx(1.0, abs=0.01)
+    assert found.xs == pytest.approx(sorted(LEVELS[:8]))
+
+
 def test_the_levels_may_come_in_any_order():
     shuffled = np.random.default_rng(0).permutation(LEVELS)
     assert fit(3.0 * shuffled**2, shuffled) == fit(3.0 * LEVELS**2)
