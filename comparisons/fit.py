@@ -53,9 +53,9 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
     """Fit the order on the finest asymptotic levels above the floor.
 
     Levels with an error that is zero or not finite are left out. From the finest end, levels that gained
-    nothing over their coarser neighbour are the floor, and up to BEND levels before it may bend towards it, or dip
-    where round-off cancels the error. Of the rest, if the finest local slopes have settled near a whole number, the longest run of finest levels whose local
-    slopes all agree with their fit is taken.
+    nothing over their coarser neighbour are the floor. Up to BEND levels before it may bend towards it, or dip
+    where round-off cancels the error. Of the rest, if the finest local slopes have settled near a whole number,
+    the longest run of finest levels whose local slopes all agree with their fit is taken.
     """
     points = sorted((x, e) for x, e in zip(xs, errors, strict=True) if math.isfinite(e) and e > 0.0 and x > 0.0)
     x, e = (np.log(np.array(column)) for column in zip(*points, strict=True)) if points else (np.zeros(0),) * 2
