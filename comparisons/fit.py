@@ -66,8 +66,6 @@ def fit_order(xs: Sequence[float], errors: Sequence[float]) -> Fit:
         found = _fit(x[first:], e[first:])
         if found is not None:
             return msgspec.structs.replace(found, floor=math.exp(e[0]) if first > 0 else None)
-        if start == 0 and first + 2 < len(x) and _slopes(x, e)[first] > _slopes(x, e)[first + 1]:
-            break  # no floor in sight, and the finest slope is the steepest: no bend towards one either
     return Fit(floor=math.exp(e[0]) if start > 0 else None)
 
 

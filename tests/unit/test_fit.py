@@ -43,6 +43,15 @@ def test_levels_on_the_bend_to_a_floor_are_left_out():
     assert found.floor == pytest.approx(2.57e-5)
 
 
+def test_a_dip_at_the_finest_level_is_left_out():
+    """As below, with no finer level to show the floor: a slope that steepens away from its order is round-off."""
+    errors = 1e-3 * LEVELS
+    errors[9] *= 0.6
+    found = fit(errors)
+    assert found.order == pytest.approx(1.0, abs=0.01)
+    assert found.xs == pytest.approx(sorted(LEVELS[:9]))
+
+
 def test_a_dip_before_a_rising_floor_is_left_out():
     """Round-off first cancels the error, then takes over: one rigid link at time steps below 1e-6 s."""
     errors = np.append(1e-3 * LEVELS[:8], [2.5e-7, 9e-7])
