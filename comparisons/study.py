@@ -32,7 +32,7 @@ class Head(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Panel(msgspec.Struct, frozen=True, kw_only=True):
-    """One pair of axes; labels carry the units. Both axes are logarithmic; nothing below ``lowest`` is drawn."""
+    """One pair of axes; labels carry the units. Both axes are logarithmic; y starts at ``lowest`` or above."""
 
     name: str
     title: str

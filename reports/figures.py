@@ -13,7 +13,7 @@ matplotlib.use("Agg")
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
@@ -118,12 +118,10 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
     ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y, title=heading)
     handles: dict[str, Any] = {}
     for series in group:
-        points = [(x, y) for x, y in zip(series.x, series.y, strict=True) if y > panel.lowest]
-        xs, ys = [x for x, _ in points], [y for _, y in points]
         if series.kind == "points":
-            ax.plot(xs, ys, ".", color=colour(series), alpha=0.3, markersize=4, zorder=1)
-        elif points:
-            (handles[series.label],) = ax.plot(xs, ys, color=colour(series), **styles[series.label])
+            ax.plot(series.x, series.y, ".", color=colour(series), alpha=0.3, markersize=4, zorder=1)
+        elif series.x:
+            (handles[series.label],) = ax.plot(series.x, series.y, color=colour(series), **styles[series.label])
     if any(series.kind == "front" for series in group):
         arrow = {"arrowstyle": "->", "color": "#666666"}
         ax.annotate("better", (0.03, 0.03), (0.2, 0.14), xycoords="axes fraction", color="#666666", arrowprops=arrow)
@@ -132,26 +130,29 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
 
 def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
     """Give panels with equal axis labels equal ranges, so that the eye may compare them."""
+    placed = [(ax, _panel_of(cell)) for ax, cell in zip(axes, cells, strict=False) if ax.lines]
     for axis in ("x", "y"):
-        alike: dict[str, list[Axes]] = {}
-        for ax, cell in zip(axes, cells, strict=False):
-            alike.setdefault(getattr(_panel_of(cell), axis), []).append(ax)
-        for group in alike.values():
-            limits = [getattr(ax, f"get_{axis}lim")() for ax in group if ax.lines]
-            for ax in group if limits else []:
-                low, high = min(limit[0] for limit in limits), max(limit[1] for limit in limits)
+        for label in {getattr(panel, axis) for _, panel in placed}:
+            alike = [(ax, panel) for ax, panel in placed if getattr(panel, axis) == label]
+            limits = [getattr(ax, f"get_{axis}lim")() for ax, _ in alike]
+            floor = max(panel.lowest for _, panel in alike) if axis == "y" else 0.0
+            low, high = max(floor, min(limit[0] for limit in limits)), max(limit[1] for limit in limits)
+            for ax, _ in alike:
                 getattr(ax, f"set_{axis}lim")(low, high)
                 _ticks(getattr(ax, f"{axis}axis"), high / low)
 
 
 def _ticks(axis: Any, ratio: float) -> None:
-    """Decades where there are several, else 1, 2, 5 as plain numbers."""
+    """Decades where there are several, else 1, 2, 5, or equal distances, as plain numbers."""
     if ratio > 100.0:
         axis.set_major_locator(LogLocator(numticks=7))
         axis.set_minor_locator(NullLocator() if ratio > MANY_DECADES else LogLocator(subs="auto"))
-    else:
+    elif ratio > 5.0:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(10, 10)))
+    else:
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_major_formatter(ScalarFormatter())
     axis.set_minor_formatter(NullFormatter())
 
 
