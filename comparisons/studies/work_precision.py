@@ -23,7 +23,7 @@ ERROR, TIME = "position error [m]", "run time [s]"
 TARGETS = (1e-2, 1e-4, 1e-6, 1e-8)
 """Errors [m] at which the winner is named."""
 
-YARDSTICK = 10.0
+YARDSTICK = 3.0
 """An engine that chooses its own steps may take this many times the cap, so that it shows on long chains too."""
 
 ANALYST = "dop853"
