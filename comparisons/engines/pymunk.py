@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.engines._checks import check_scene
+from comparisons.engines._checks import beyond_rods_and_springs, check_scene
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory, from_samples
 from pbd import fields
@@ -71,8 +71,7 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     check_scene(scene)
     if len(scene.gravity) != 2:
         return "pymunk is planar"
-    known = all(isinstance(link, Rods | Springs) for link in scene.links)
-    return "" if known else "the scene has links that are neither rods nor springs"
+    return beyond_rods_and_springs(scene)
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
