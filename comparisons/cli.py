@@ -10,7 +10,7 @@ import argparse
 import ast
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from comparisons import catalog
 from pbd.errors import InvalidInput
 
 if TYPE_CHECKING:
+    from comparisons.record import Record
     from comparisons.study import Study
 
 BAD_INPUT, LOST_RUNS, INTERRUPTED = 2, 3, 130
@@ -126,7 +127,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         write_atomically(options.json, text)
     print(text.decode())
-    return LOST_RUNS if record.status.code in ("crashed", "timeout") else 0
+    return _exit_code([record])
 
 
 def _study(options: argparse.Namespace) -> int:
@@ -145,13 +146,12 @@ def _study(options: argparse.Namespace) -> int:
     for omission in study.omissions:
         print(f"left out: {omission.engine}, {omission.reason}; {omission.remedy}")
     print("\n".join(study.sentences))
-    return _exit_code([study])
+    return _exit_code(study.records)
 
 
-def _exit_code(studies: Sequence[Study]) -> int:
+def _exit_code(records: Iterable[Record]) -> int:
     """3 where runs were lost to a crash or a timeout."""
-    codes = {record.status.code for study in studies for record in study.records}
-    return LOST_RUNS if codes & {"crashed", "timeout"} else 0
+    return LOST_RUNS if {record.status.code for record in records} & {"crashed", "timeout"} else 0
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -162,7 +162,7 @@ def _report(options: argparse.Namespace) -> int:
     from reports import page
 
     print(f"report: {page.write(chapters, options.directory)}")
-    return _exit_code([study for chapter in chapters for study in chapter.studies])
+    return _exit_code(record for chapter in chapters for study in chapter.studies for record in study.records)
 
 
 # ------------------------------------------------------------------ --set
@@ -174,7 +174,7 @@ def _changes(options: argparse.Namespace, engines: list[str]) -> tuple[dict, dic
     from pbd import fields
     from pbd.errors import unknown
 
-    scene_rules = fields.rules(catalog.load("scenes", options.scene).Parameters)
+    parameters = catalog.load("scenes", options.scene).Parameters
     scene: dict[str, Any] = {}
     settings: dict[str, dict[str, Any]] = {}
     rest: dict[str, str] = {}
@@ -186,9 +186,7 @@ def _changes(options: argparse.Namespace, engines: list[str]) -> tuple[dict, dic
         if not dot:
             rest[key] = text
         elif owner == "scene":
-            if name not in scene_rules:
-                raise unknown("scene parameter", name, scene_rules)
-            scene[name] = fields.parse(key, scene_rules[name], text)
+            scene[name] = fields.parse(key, fields.find("scene parameter", name, parameters), text)
         elif owner in engines:
             settings.setdefault(owner, {}).update(_engine_settings(owner, {name: text}))
         else:
@@ -200,13 +198,12 @@ def _changes(options: argparse.Namespace, engines: list[str]) -> tuple[dict, dic
 def _engine_settings(name: str, texts: dict[str, str]) -> dict[str, Any]:
     from comparisons import engine
     from pbd import fields
-    from pbd.errors import unknown
 
-    rules = fields.rules(engine.load(name).Settings)
-    for key in texts:
-        if key not in rules:
-            raise unknown(f"{name} setting", key, rules)
-    return {key: fields.parse(f"{name}.{key}", rules[key], text) for key, text in texts.items()}
+    settings = engine.load(name).Settings
+    return {
+        key: fields.parse(f"{name}.{key}", fields.find(f"{name} setting", key, settings), text)
+        for key, text in texts.items()
+    }
 
 
 def _arguments(module: Any, texts: dict[str, str]) -> dict[str, Any]:

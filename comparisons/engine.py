@@ -61,10 +61,8 @@ def make_settings(name: str, preset: str, changes: Mapping[str, Any]) -> Any:
     engine = load(name)
     if preset not in engine.PRESETS:
         raise unknown(f"{name}.preset", preset, engine.PRESETS)
-    known = fields.rules(engine.Settings)
     for key in changes:
-        if key not in known:
-            raise unknown(f"{name} setting", key, known)
+        fields.find(f"{name} setting", key, engine.Settings)
     try:
         return engine.Settings(**{**engine.PRESETS[preset], **changes})
     except InvalidInput as error:

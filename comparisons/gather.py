@@ -68,21 +68,20 @@ class Gatherer:
         if self._owns:
             self._workers.__exit__(*error)
 
-    def groups(self, ladders: dict[str, list[Ladder]]) -> dict[str, list[list[Record]]]:
-        """The records of all ladders, given by engine and in their order; engines run beside each other."""
-        total = sum(len(each) for each in ladders.values())
-        with Progress(f"{self._title}, errors", total, quiet=self._quiet) as progress:
+    def groups(self, ladders: Sequence[tuple[str, Ladder]]) -> list[list[Record]]:
+        """The records of each ladder of an engine, in the given order; the engines run beside each other."""
+        done: list[list[Record]] = [[] for _ in ladders]
+        with Progress(f"{self._title}, errors", len(ladders), quiet=self._quiet) as progress:
 
-            def climb(name: str) -> list[list[Record]]:
-                found = []
-                for ladder in ladders[name]:
-                    found.append(self._climb(ladder))
-                    progress.advance()
-                return found
+            def climb(name: str) -> None:
+                for k, (owner, ladder) in enumerate(ladders):
+                    if owner == name:
+                        done[k] = self._climb(ladder)
+                        progress.advance()
 
             with ThreadPoolExecutor(PARALLEL) as pool:
-                done = dict(zip(ladders, pool.map(climb, ladders), strict=True))
-        self._note_omissions([record for groups in done.values() for group in groups for record in group])
+                list(pool.map(climb, self.engines))
+        self._note_omissions([record for group in done for record in group])
         return done
 
     def _climb(self, ladder: Ladder) -> list[Record]:
@@ -102,13 +101,13 @@ class Gatherer:
         """The records with the run time of each that is ok: minimum over interleaved rounds."""
         timed = [record for record in records if record.status.code == "ok"]
         gross: dict[str, float] = {}
-        net: dict[str, float] = {}
+        overhead: dict[str, float] = {}
         with Progress(f"{self._title}, times", len(timed) * rounds, quiet=self._quiet) as progress:
             for _ in range(rounds):
                 for record in timed:
-                    self._time(record, gross, net)
+                    self._time(record, gross, overhead)
                     progress.advance()
-        return [_with_seconds(record, gross, net, rounds) for record in records]
+        return [_with_seconds(record, gross, overhead, rounds) for record in records]
 
     def _time(self, record: Record, gross: dict[str, float], overhead: dict[str, float]) -> None:
         worker, spec = self._workers[record.engine], spec_of(record)
@@ -185,7 +184,7 @@ def _next_wall(found: list[Record]) -> float:
     return min(2.0 * found[-1].wall, 4.0 * found[-2].wall if len(found) > 1 else np.inf)
 
 
-def through(specs: list[RunSpec], cap: float) -> Ladder:
+def through(specs: Sequence[RunSpec], cap: float = np.inf) -> Ladder:
     """The ladder of given specs, from cheap to dear; it ends after two that took longer than ``cap`` seconds."""
 
     def following(found: list[Record]) -> RunSpec | None:
@@ -193,8 +192,3 @@ def through(specs: list[RunSpec], cap: float) -> Ladder:
         return None if dear or len(found) == len(specs) else specs[len(found)]
 
     return following
-
-
-def once(spec: RunSpec) -> Ladder:
-    """The ladder of one run."""
-    return lambda found: None if found else spec

@@ -45,7 +45,3 @@ class Progress:
             elapsed = self._said - self._start
             left = elapsed * (self.total - self.done) / max(self.done, 1)
             print(f"{self.title}: {self.done} of {self.total}, about {left:.0f} s left", file=sys.stderr, flush=True)
-
-    def expect(self, change: int) -> None:
-        """Correct the total by ``change`` pieces."""
-        self.total += change

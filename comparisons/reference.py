@@ -7,8 +7,6 @@ because DOP853's dense output is only of order 7.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.linalg.lapack import dptsv
@@ -25,8 +23,6 @@ EVALUATIONS = 12
 PERTURBATION = 1e-9
 GROWTH_LIMIT = 1e4
 """Past the time at which a small perturbation has grown by this factor, an error says nothing about accuracy."""
-
-Derivative = Callable[[float, np.ndarray], np.ndarray]
 
 
 class NoReference(ValueError):

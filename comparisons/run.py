@@ -16,7 +16,6 @@ from comparisons.record import Record, RunSpec, Status, Value
 from comparisons.scene import Scene
 from comparisons.trajectory import Trajectory
 from pbd import fields
-from pbd.errors import unknown
 
 MAX_ENERGY_RISE = 0.1
 """Of the scene's energy scale: a passive system that gained more is drifting."""
@@ -49,10 +48,8 @@ class Bound(msgspec.Struct, frozen=True):
 def build_scene(name: str, parameters: dict[str, Any]) -> Scene:
     """The scene of that name; `InvalidInput` names the parameter that is wrong."""
     module = catalog.load("scenes", name)
-    known = fields.rules(module.Parameters)
     for key in parameters:
-        if key not in known:
-            raise unknown("scene parameter", key, known)
+        fields.find("scene parameter", key, module.Parameters)
     return module.build(module.Parameters(**parameters))
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from pbd.errors import InvalidInput
+from pbd.fields import Rule
 
 
 def real_array(field: str, values: Any) -> np.ndarray:
@@ -37,10 +36,9 @@ def broadcast(field: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 def number(field: str, value: Any, low: float, high: float, allowed: str) -> float:
     """``value`` as a float; refused when it is no finite real number in [low, high]."""
-    real = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    if not (low <= real <= high and math.isfinite(real)):
+    if not Rule("real", low=low, high=high).holds(value):
         raise InvalidInput(field, value, allowed)
-    return real
+    return float(value)
 
 
 def indices(field: str, values: Any, n: int) -> np.ndarray:

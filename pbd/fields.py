@@ -56,8 +56,11 @@ class Rule:
         wanted = numbers.Integral if self.kind == "whole" else numbers.Real
         if isinstance(value, bool) or not isinstance(value, wanted):
             return False
-        number: Any = value  # never converted to float: a huge whole number would overflow; nan fails comparisons
-        return self.low <= number <= self.high and abs(number) < math.inf and not (self.open_low and number == self.low)
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number beyond any float
+            return False
+        return math.isfinite(number) and self.low <= number <= self.high and not (self.open_low and number == self.low)
 
 
 def _field(default: Any, rule: Rule) -> Any:
@@ -96,6 +99,14 @@ def flag(default: bool, doc: str) -> Any:
 def rules(settings: Any) -> dict[str, Rule]:
     """The rules of a settings class or instance, by field name."""
     return {f.name: f.metadata["rule"] for f in dataclasses.fields(settings) if "rule" in f.metadata}
+
+
+def find(field: str, name: str, settings: Any) -> Rule:
+    """The rule of the field of that name; `InvalidInput` for ``field`` with the nearest name where there is none."""
+    known = rules(settings)
+    if name not in known:
+        raise unknown(field, name, known)
+    return known[name]
 
 
 def check(settings: Any, prefix: str) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from pbd.arrays import indices, number, real_array
 from pbd.errors import InvalidInput
 from pbd.external import Gravity
+from pbd.fields import Rule
 from pbd.integrators.euler import Euler
 from pbd.jit import device, kernel
 from pbd.settings import Settings
@@ -84,7 +84,7 @@ class Outcome:
     ----------
     times : (s,) [s] of the samples reached
     positions, velocities : (s, n, d) [m], [m/s] of the particles
-    status : "ok", or "diverged" with the ``step`` at which ``quantity`` was found not finite
+    quantity : what was found not finite; empty when all is
     steps : steps done
     projections : constraint projections done, counted in the kernel
     scene : the final state and the bound batches, e.g. for ``scene.batches[0].law.multiplier``
@@ -94,13 +94,21 @@ class Outcome:
     times: np.ndarray
     positions: np.ndarray
     velocities: np.ndarray
-    status: str
-    step: int
     quantity: str
     steps: int
     projections: int
     scene: Scene
     recordings: tuple
+
+    @property
+    def status(self) -> str:
+        """ "ok", or "diverged"."""
+        return "diverged" if self.quantity else "ok"
+
+    @property
+    def step(self) -> int:
+        """The step at which the run ended: the last one, or where ``quantity`` was found not finite."""
+        return self.steps
 
 
 class Simulation:
@@ -144,22 +152,21 @@ class Simulation:
 
         samples : ascending step numbers in [0, steps]; default all
         """
-        if isinstance(steps, bool) or not isinstance(steps, Integral) or not 0 <= steps <= MAX_STEPS:
+        if not Rule("whole", low=0, high=MAX_STEPS).holds(steps):
             raise InvalidInput("steps", steps, f"a whole number >= 0 and <= {MAX_STEPS:.0e}")
-        at = _sample_steps(int(steps), samples)
+        steps = int(steps)  # numpy's own kinds of whole numbers would compile anew
+        at = _sample_steps(steps, samples)
         scene = _copy(self._scene)  # so that an outcome keeps its state and multipliers whatever runs next
         state = scene.state
         recordings = tuple(g.new_recording(len(at)) if g is not None else None for g in state[:2])
         settings = self.settings
-        plan = Plan(settings.h, int(settings.substeps), int(steps), at, max(1, int(steps) // CHECKS_PER_RUN))
+        plan = Plan(settings.h, int(settings.substeps), steps, at, max(1, steps // CHECKS_PER_RUN))
         done, recorded, broken = simulation(Euler(), self._solver, scene, plan, recordings)
         x, v = recordings[0] or ((np.zeros((len(at), 0)),) * 2,) * 2
         return Outcome(
             times=at[:recorded] * settings.dt,
             positions=from_store(x)[:recorded],
             velocities=from_store(v)[:recorded],
-            status="diverged" if broken else "ok",
-            step=done,
             quantity=QUANTITIES[broken],
             steps=done,
             projections=int(state.work[0]),
@@ -183,7 +190,7 @@ def simulate(
     """
     settings = settings or Settings()
     steps = steps_in(duration, settings.dt)
-    if isinstance(samples, bool) or not isinstance(samples, Integral) or samples < 1 or steps % samples:
+    if not Rule("whole", low=1).holds(samples) or steps % samples:
         raise InvalidInput("samples", samples, f"a divisor of the number of steps, {steps}")
     at = np.arange(samples + 1) * (steps // samples)
     return Simulation(particles, constraints, settings=settings, **scene).run(steps, at)

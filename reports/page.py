@@ -64,21 +64,21 @@ def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
     if len(chapter.studies) == 1:
         study = chapter.studies[0]
         cells = [(study, panel.name, panel.title) for panel in study.panels]
-        return [_picture(cells, chapter.heading, "", COLUMNS, directory)]
+        return [_picture(cells, chapter.heading, "", directory)]
     titles = {panel.name: panel.title for study in chapter.studies for panel in study.panels}
     found = []
     for name, title in titles.items():
         having = [study for study in chapter.studies if any(panel.name == name for panel in study.panels)]
         title = title if any(s.kind != "settings" for s in having) else ""
         cells = [(study, name, study.subject) for study in having]
-        found.append(_picture(cells, chapter.heading, title, COLUMNS, directory))
+        found.append(_picture(cells, chapter.heading, title, directory))
     return found
 
 
-def _picture(cells: Sequence[Cell], heading: str, detail: str, columns: int, directory: Path) -> Picture:
+def _picture(cells: Sequence[Cell], heading: str, detail: str, directory: Path) -> Picture:
     caption = f"{heading}: {detail}" if detail else heading
     stem = "-".join("".join(c if c.isalnum() else " " for c in caption.lower().replace("'", "")).split())
-    figure = figures.grid(cells, caption, columns)
+    figure = figures.grid(cells, caption, COLUMNS)
     for ending in figures.FORMATS:
         figures.save(figure, directory / f"{stem}.{ending}")
     svg = (directory / f"{stem}.svg").read_bytes()

@@ -12,7 +12,7 @@ import msgspec
 
 from comparisons import catalog, engine
 from comparisons.fit import Fit, fit_order
-from comparisons.gather import Gatherer, Ladder, asked, descend
+from comparisons.gather import Gatherer, Ladder, asked, descend, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.run import bind, build_scene
@@ -68,9 +68,8 @@ def run(
             Line(axis, base, _counts(base, axis, values)) for base in bases if values and _varies(base, axis, changes)
         ]
     with Gatherer(names, f"convergence, {subject}", workers=workers, quiet=quiet) as gatherer:
-        found = gatherer.groups({name: [line.ladder for line in lines if line.base.engine == name] for name in names})
+        groups = gatherer.groups([(line.base.engine, line.ladder) for line in lines])
         omissions = gatherer.omissions
-    groups = [found[line.base.engine].pop(0) for line in lines]
     series = [s for s in map(_series, lines, groups) if s.x]
     return Study(
         kind="convergence",
@@ -154,11 +153,7 @@ def _counts(base: RunSpec, axis: str, values: Sequence[int]) -> Ladder:
     specs = [msgspec.structs.replace(base, settings={**base.settings, "dt": dt, axis: value}) for value in values]
     for spec in specs:
         bind(spec)  # refuses a wrong value before anything runs
-
-    def following(found: list[Record]) -> RunSpec | None:
-        return specs[len(found)] if len(found) < len(specs) else None
-
-    return following
+    return through(specs)
 
 
 def _series(line: Line, found: list[Record]) -> Series:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from comparisons import catalog, engine
-from comparisons.gather import Gatherer, Ladder, once
+from comparisons.gather import Gatherer, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec, plain
 from comparisons.run import bind
@@ -86,18 +86,20 @@ def run(
         engine.load(name)
     engine.make_settings("pbd", "default", {"dt": dt})
     counts = list(iterations or ITERATIONS)
-    plan = [line for line in _lines(scene_name, plain(scene or {}), k, dt, counts) if line.engine in names]
+    chain = plain(scene or {})
+    plan = [line for line in _lines(scene_name, chain, k, dt, counts) if line.engine in names]
     for line in plan:
         for spec in line.specs:
             bind(spec)
-    groups = _measure(plan, [name for name in names if name in KNOWN], workers, quiet)
+    with Gatherer(names, "stiffness", workers=workers, quiet=quiet) as gatherer:
+        groups = gatherer.groups([(line.engine, through(line.specs)) for line in plan])
     series = [_series(line, found) for line, found in zip(plan, groups, strict=True)]
     return Study(
         kind="stiffness",
         title=f"What stiffness k = {k:g} does, at dt = {dt:.4g} s",
         subject="stiffness",
         scene=scene_name,
-        parameters=plain(scene or {}),
+        parameters=chain,
         head=head(),
         panels=list(PANELS),
         series=series + _closed_forms(k, dt, counts),
@@ -160,16 +162,6 @@ def _case_lines(case: Case, k: float, dt: float, counts: list[int], damping: flo
         Line(case.panel, "XPBD compliance", "pbd", "xpbd", xpbd),
         Line(case.panel, "symplectic Euler spring", "symplectic_euler", "", spring),
     ]
-
-
-def _measure(plan: list[Line], names: list[str], workers: Workers | None, quiet: bool) -> list[list[Record]]:
-    """The records of each line."""
-    ladders: dict[str, list[Ladder]] = {name: [] for name in names}
-    for line in plan:
-        ladders[line.engine] += [once(spec) for spec in line.specs]
-    with Gatherer(names, "stiffness", workers=workers, quiet=quiet) as gatherer:
-        found = {name: iter(groups) for name, groups in gatherer.groups(ladders).items()}
-    return [[record for _ in line.specs for record in next(found[line.engine])] for line in plan]
 
 
 def _series(line: Line, found: list[Record]) -> Series:

@@ -60,14 +60,15 @@ def run(
         raise InvalidInput("rounds", rounds, "a whole number >= 1")
     subject = build_scene(scene_name, parameters).title
     steps = None if dt is None else list(dt)
-    ladders: dict[str, list[Ladder]] = {}
+    ladders: list[tuple[str, Ladder]] = []
     for name in names:
         specs = tried(scene_name, parameters, name, changes.get(name, {}))
         stepping = "dt" in fields.rules(engine.load(name).Settings)
-        ladders[name] = [descend(s, steps, cap) for s in specs] if stepping else [through(specs, YARDSTICK * cap)]
+        tries = [descend(s, steps, cap) for s in specs] if stepping else [through(specs, YARDSTICK * cap)]
+        ladders += [(name, ladder) for ladder in tries]
     with Gatherer(names, f"work-precision, {subject}", workers=workers, quiet=quiet) as gatherer:
         groups = gatherer.groups(ladders)
-        records = gatherer.times([r for found in groups.values() for group in found for r in group], rounds)
+        records = gatherer.times([record for group in groups for record in group], rounds)
         omissions = gatherer.omissions
     winners = [winner(records, target) for target in TARGETS]
     series = [s for name in names for s in _series([r for r in records if r.engine == name])]

@@ -323,3 +323,17 @@ def test_runs_do_not_touch_one_another():
     np.testing.assert_array_equal(from_store(first.scene.state.particles.x), kept[2])
     np.testing.assert_array_equal(simulation.run(50).positions, first.positions)
     np.testing.assert_array_equal(from_store(particles.x), X)
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda huge: pbd.Damping(huge),
+        lambda huge: pbd.plane_contact(three(), normal=(0.0, 1.0), friction=huge),
+        lambda huge: pbd.simulate(three(), duration=huge),
+    ],
+    ids=["damping", "friction", "duration"],
+)
+def test_whole_numbers_beyond_any_float_are_refused(build):
+    with pytest.raises(InvalidInput):
+        build(10**400)
