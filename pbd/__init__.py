@@ -14,10 +14,14 @@ if TYPE_CHECKING:
     from pbd.damping import Damping as Damping
     from pbd.errors import InvalidInput as InvalidInput
     from pbd.external import point_forces as point_forces
+    from pbd.integrators.euler import Euler as Euler
+    from pbd.integrators.shake import Shake as Shake
     from pbd.settings import Settings as Settings
     from pbd.simulation import Outcome as Outcome
     from pbd.simulation import Simulation as Simulation
     from pbd.simulation import simulate as simulate
+    from pbd.solvers.direct import Direct as Direct
+    from pbd.solvers.gauss_seidel import GaussSeidel as GaussSeidel
     from pbd.state import particles as particles
     from pbd.stiffness import Compliance as Compliance
     from pbd.stiffness import Stiffness as Stiffness
@@ -26,9 +30,13 @@ _HOME = {
     "plane_contact": "constraints.contact",
     "distance": "constraints.distance",
     "Damping": "damping",
+    "Direct": "solvers.direct",
+    "Euler": "integrators.euler",
+    "GaussSeidel": "solvers.gauss_seidel",
     "InvalidInput": "errors",
     "point_forces": "external",
     "Settings": "settings",
+    "Shake": "integrators.shake",
     "Outcome": "simulation",
     "Simulation": "simulation",
     "simulate": "simulation",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from pbd.arrays import broadcast
 from pbd.stages import kick
 from pbd.state import Particles
@@ -28,8 +30,18 @@ class PointForces(NamedTuple):
     def accelerate(self, state, h):
         for axis in range(len(self.force)):
             v, w, f = state.particles.v[axis], state.particles.w, self.force[axis]
-            for i in range(v.shape[0]):
+            for i in range(f.shape[0]):
                 v[i] += h * w[i] * f[i]
+
+    def renumbered(self, slot: np.ndarray) -> PointForces:
+        """The same for particles that now stand in ``slot``."""
+        return PointForces(tuple(_spread(axis, slot) for axis in self.force))
+
+
+def _spread(values: np.ndarray, slot: np.ndarray) -> np.ndarray:
+    found = np.zeros(int(slot.max()) + 1 if len(slot) else 0)
+    found[slot] = values
+    return found
 
 
 def point_forces(particles: Particles, forces: Any) -> PointForces:

@@ -8,7 +8,12 @@ particle moves by w_j dl g_j (convention dx = + W g dl, so dl = -C/W for a rigid
     Compliant        dl = (-C - a l) / (W + a),            a = alpha/h^2     XPBD 2016 eq. 18
     DampedCompliant  dl = (-C - a l - c g.(p - x)) / ((1 + c) W + a),  c = alpha beta / h   eq. 26
 
-An inequality is skipped where satisfied (Hard, Scaled); with compliance its total multiplier is
+Where a constraint's W never changes - a distance - it is divided by once, when the law is bound:
+
+    Weighted             dl = -f C,                 f = k'/W
+    WeightedCompliant    dl = (-C - a l) f,         f = 1/(W + a)
+
+An inequality is skipped where satisfied (Hard, Scaled, Weighted); with compliance its total multiplier is
 clamped. A compliant law's multiplier l starts at 0 in each (sub-)step; l/h^2 is the constraint force.
 """
 
@@ -22,7 +27,7 @@ from numba.extending import overload
 from pbd.dispatch import stage
 from pbd.jit import DEVICE_OPTIONS, device
 from pbd.stages import evaluate, size
-from pbd.vector import accumulate, dot, load, subtract
+from pbd.vector import accumulate, dot, like, load, subtract
 
 # ------------------------------------------------------------------ relations
 
@@ -54,7 +59,7 @@ class AtLeast(NamedTuple):
         return value < 0.0
 
     def clamp(self, multiplier):
-        return max(multiplier, 0.0)
+        return max(multiplier, like(multiplier, 0.0))
 
 
 class AtMost(NamedTuple):
@@ -64,7 +69,7 @@ class AtMost(NamedTuple):
         return value > 0.0
 
     def clamp(self, multiplier):
-        return min(multiplier, 0.0)
+        return min(multiplier, like(multiplier, 0.0))
 
 
 # ------------------------------------------------------------------ laws
@@ -137,6 +142,36 @@ class DampedCompliant(NamedTuple):
         return advance(self, c, residual * inverse_weight(particles.w, row, 1.0 + damping, scaled))
 
 
+class Weighted(NamedTuple):
+    """PBD stiffness of constraints whose W is constant: ``factor`` (m,) is k'/W, 0 where nothing can move."""
+
+    relation: Equality | AtLeast | AtMost
+    factor: np.ndarray
+
+    def increment(self, c, row, particles, h):
+        change = -self.factor[c] * row[1]
+        return change if violated(self.relation, row[1]) else like(change, 0.0)
+
+
+class WeightedCompliant(NamedTuple):
+    """XPBD of constraints whose W is constant, at one sub-step h.
+
+    ``scaled`` (m,) is alpha/h^2 [1/kg], ``factor`` (m,) is 1/(W + alpha/h^2) [kg], 0 where nothing can move.
+    """
+
+    relation: Equality | AtLeast | AtMost
+    scaled: np.ndarray
+    factor: np.ndarray
+    multiplier: np.ndarray
+
+    def reset(self):
+        self.multiplier[:] = 0.0
+
+    def increment(self, c, row, particles, h):
+        residual = -row[1] - self.scaled[c] * self.multiplier[c]
+        return advance(self, c, residual * self.factor[c])
+
+
 @device
 def advance(law, c, change):
     """Add ``change`` to multiplier c, clamped to the relation; return what was really added."""
@@ -197,10 +232,15 @@ def begin(batch, state, h):
 @stage(needs="law")
 def project(batch, state, h):
     """Line 10: one sweep over the batch in its natural order; by default from evaluate() and its law."""
-    particles = state.particles
-    for c in range(size(batch)):
+    sweep(batch, range(size(batch)), state.particles, h)
+    state.work[0] += size(batch)
+
+
+@device
+def sweep(batch, constraints, particles, h):
+    """Project the constraints of a range, one after the other."""
+    for c in constraints:
         row = evaluate(batch, c, particles.p)
         change = increment(batch.law, c, row, particles, h)
         indices, _, gradients, _ = row
         scatter(particles, indices, gradients, change)
-    state.work[0] += size(batch)

@@ -9,17 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pbd.arrangement import Problem, renumbered
 from pbd.arrays import indices, number, real_array
 from pbd.errors import InvalidInput
 from pbd.external import Gravity
 from pbd.fields import Rule
-from pbd.integrators.euler import Euler
-from pbd.jit import device, kernel
+from pbd.jit import device, kernel, prefer_wide_vectors
 from pbd.settings import Settings
-from pbd.solvers.gauss_seidel import GaussSeidel
-from pbd.stages import not_finite, record, step
-from pbd.state import Particles, State
-from pbd.vector import from_store
+from pbd.stages import not_finite, observe, step
+from pbd.state import WORK, Particles, State
+from pbd.vector import aligned, from_store
 
 MAX_STEPS = 10**12
 CHECKS_PER_RUN = 100
@@ -49,6 +48,19 @@ class Plan(NamedTuple):
 
 @kernel
 def simulation(integrator, solver, scene, plan, recordings):
+    """The loop as a kernel."""
+    return loop(integrator, solver, scene, plan, recordings)
+
+
+@kernel
+def simulation_in_runs(integrator, solver, scene, plan, recordings):
+    """The same for scenes whose time goes into long vector loops."""
+    prefer_wide_vectors()
+    return loop(integrator, solver, scene, plan, recordings)
+
+
+@device
+def loop(integrator, solver, scene, plan, recordings):
     """Line (4): the loop. Returns (steps done, samples recorded, 0 or the index of what diverged)."""
     recorded = 0
     unchecked = 0
@@ -63,8 +75,7 @@ def simulation(integrator, solver, scene, plan, recordings):
             if broken > 0:
                 return n, recorded, broken
         if recorded < plan.samples.shape[0] and plan.samples[recorded] == n:
-            record(scene.state.particles, recordings[0], recorded)
-            record(scene.state.bodies, recordings[1], recorded)
+            observe(integrator, solver, scene, recordings, recorded)
             recorded += 1
     return plan.steps, recorded, 0
 
@@ -86,7 +97,8 @@ class Outcome:
     positions, velocities : (s, n, d) [m], [m/s] of the particles
     quantity : what was found not finite; empty when all is
     steps : steps done
-    projections : constraint projections done, counted in the kernel
+    projections : constraint projections done, counted in the kernel; a direct solve counts as one of each link
+    unconverged : solves that ended without the residual they are to reach
     scene : the final state and the bound batches, e.g. for ``scene.batches[0].law.multiplier``
     recordings : the raw recordings of all groups
     """
@@ -97,6 +109,7 @@ class Outcome:
     quantity: str
     steps: int
     projections: int
+    unconverged: int
     scene: Scene
     recordings: tuple
 
@@ -138,14 +151,20 @@ class Simulation:
         settings: Settings | None = None,
         bodies: Any = None,
     ) -> None:
-        self.settings = settings or Settings()
-        self._solver = GaussSeidel(int(self.settings.iterations))
-        fields = list(external)
+        self.settings = settings = settings or Settings()
+        problem = Problem(particles, tuple(constraints), settings)
+        self._integrator = settings.integrator.bind(problem)
+        arranged = settings.solver.arrange(problem)
+        self._slot, self._wide = arranged.slot, arranged.wide
+        fields = tuple(external)
+        if arranged.slot is not None:
+            fields = tuple(renumbered(field, arranged.slot, "coloured") for field in fields)
         if gravity is not None:
-            fields.insert(0, Gravity(_gravity(gravity, particles)))
-        damping = self.settings.damping.bind() if self.settings.damping else None
-        state = State(particles, bodies, np.zeros(1, dtype=np.int64))
-        self._scene = Scene(state, _bind(constraints, self.settings.iterations), tuple(fields), damping)
+            fields = (Gravity(_gravity(gravity, particles)), *fields)
+        damping = settings.damping.bind() if settings.damping else None
+        state = State(arranged.particles, bodies, np.zeros(WORK, dtype=np.int64))
+        self._solver = arranged.solver
+        self._scene = _in_precision(Scene(state, arranged.batches, fields, damping), settings.dtype)
 
     def run(self, steps: int, samples: Any = None) -> Outcome:
         """Do ``steps`` steps from the initial state and record after the step numbers in ``samples``.
@@ -156,20 +175,24 @@ class Simulation:
             raise InvalidInput("steps", steps, f"a whole number >= 0 and <= {MAX_STEPS:.0e}")
         steps = int(steps)  # numpy's own kinds of whole numbers would compile anew
         at = _sample_steps(steps, samples)
-        scene = _copy(self._scene)  # so that an outcome keeps its state and multipliers whatever runs next
+        # copies, so that an outcome keeps its state and multipliers whatever runs next
+        scene, solver, integrator = _copy(self._scene), _copy(self._solver), _copy(self._integrator)
         state = scene.state
         recordings = tuple(g.new_recording(len(at)) if g is not None else None for g in state[:2])
         settings = self.settings
-        plan = Plan(settings.h, int(settings.substeps), steps, at, max(1, steps // CHECKS_PER_RUN))
-        done, recorded, broken = simulation(Euler(), self._solver, scene, plan, recordings)
+        plan = Plan(settings.dtype.type(settings.h), int(settings.substeps), steps, at, max(1, steps // CHECKS_PER_RUN))
+        run = simulation_in_runs if self._wide else simulation
+        done, recorded, broken = run(integrator, solver, scene, plan, recordings)
         x, v = recordings[0] or ((np.zeros((len(at), 0)),) * 2,) * 2
+        seen = slice(None) if self._slot is None else self._slot
         return Outcome(
             times=at[:recorded] * settings.dt,
-            positions=from_store(x)[:recorded],
-            velocities=from_store(v)[:recorded],
+            positions=from_store(x)[:recorded, seen],
+            velocities=from_store(v)[:recorded, seen],
             quantity=QUANTITIES[broken],
             steps=done,
             projections=int(state.work[0]),
+            unconverged=int(state.work[1]),
             scene=scene,
             recordings=recordings,
         )
@@ -216,18 +239,6 @@ def _gravity(gravity: Any, particles: Particles | None) -> tuple[float, ...]:
     return tuple(float(component) for component in vector)
 
 
-def _bind(constraints: Sequence[Any], iterations: int) -> tuple:
-    """The kernel's batches: laws bound to the number of constraints and iterations, empty batches dropped."""
-    bound = []
-    for batch in constraints:
-        if hasattr(getattr(batch, "law", None), "bind"):
-            if batch.size() == 0:
-                continue
-            batch = batch._replace(law=batch.law.bind(batch.size(), iterations))
-        bound.append(batch)
-    return tuple(bound)
-
-
 def _sample_steps(steps: int, samples: Any) -> np.ndarray:
     at = np.arange(steps + 1) if samples is None else indices("samples", samples, steps + 1)
     if at.ndim != 1 or np.any(np.diff(at) <= 0):
@@ -237,9 +248,24 @@ def _sample_steps(steps: int, samples: Any) -> np.ndarray:
 
 def _copy(value: Any) -> Any:
     """A deep copy of nested tuples of arrays."""
+    return _mapped(value, aligned)
+
+
+def _in_precision(value: Any, dtype: Any) -> Any:
+    """Nested tuples with every array of reals, and every real number, in a precision."""
+    if dtype == np.float64:
+        return value
+
+    def convert(array: np.ndarray) -> np.ndarray:
+        return aligned(array, dtype if array.dtype == np.float64 else None)
+
+    return _mapped(value, convert, dtype.type)
+
+
+def _mapped(value: Any, arrays: Any, reals: Any = float) -> Any:
     if isinstance(value, np.ndarray):
-        return value.copy()
+        return arrays(value)
     if isinstance(value, tuple):
-        parts = [_copy(part) for part in value]
+        parts = [_mapped(part, arrays, reals) for part in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return value
+    return reals(value) if type(value) is float else value

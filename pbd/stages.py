@@ -56,9 +56,21 @@ def step(integrator, solver, scene, h):
     """Lines 5-16: one (sub-)step of length h."""
 
 
+@stage
+def observe(integrator, solver, scene, recordings, k):
+    """Write sample k; an integrator whose velocities live elsewhere than its positions brings them there first."""
+    record(scene.state.particles, recordings[0], k)
+    record(scene.state.bodies, recordings[1], k)
+
+
 @stage(required=True)
 def solve(solver, batches, state, h):
     """Lines 9-11: project all constraints, as often as the solver says."""
+
+
+@stage(required=True)
+def solve_velocities(solver, batches, state):
+    """Bring velocities onto constraints that are `pbd.frozen.Tangent`; only SHAKE asks for it, to record them."""
 
 
 # ------------------------------------------------------------------ constraints

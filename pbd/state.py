@@ -10,13 +10,17 @@ import numpy as np
 from pbd.arrays import broadcast, indices, real_array
 from pbd.errors import InvalidInput
 from pbd.jit import device
-from pbd.vector import Store, to_store, zeros
+from pbd.vector import Store, aligned, like, to_store, zeros
 
 MAX_PARTICLES = 50_000_000
 """About 5 GB of state in 3D; more is refused with this as the reason."""
 
 MIN_MASS = float(np.finfo(np.float64).tiny)
 """[kg] Below it 1/m is infinite."""
+
+
+WORK = 2
+"""Counters of work: projections, unconverged solves."""
 
 
 class Recording(NamedTuple):
@@ -53,7 +57,7 @@ class Particles(NamedTuple):
 
     def update(self, h):
         for k in range(len(self.x)):
-            update_axis(self.x[k], self.v[k], self.p[k], 1.0 / h)
+            update_axis(self.x[k], self.v[k], self.p[k], like(h, 1.0) / h)
 
     def record(self, recording, k):
         for axis in range(len(self.x)):
@@ -72,8 +76,8 @@ class Particles(NamedTuple):
 class State(NamedTuple):
     """All groups, and the counters of work done.
 
-    ``work[0]`` counts constraint projections. ``bodies`` is a second group of any class with the
-    group stages of `pbd.stages`, or None.
+    ``work`` (WORK,) counts constraint projections, and solves that did not converge. ``bodies`` is a second
+    group of any class with the group stages of `pbd.stages`, or None.
     """
 
     particles: Particles | None
@@ -151,5 +155,8 @@ def particles(positions: Any, *, masses: Any = 1.0, velocities: Any = 0.0, pinne
     w[indices("pinned", pinned, n)] = 0.0
     store = to_store(x)
     return Particles(
-        store, tuple(axis.copy() for axis in store), to_store(broadcast("velocities", velocities, (n, d))), w
+        store,
+        tuple(aligned(axis) for axis in store),
+        to_store(broadcast("velocities", velocities, (n, d))),
+        aligned(w),
     )

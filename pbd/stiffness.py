@@ -15,7 +15,17 @@ import numpy as np
 
 from pbd.arrays import real_array
 from pbd.errors import InvalidInput, unknown
-from pbd.projection import AtLeast, AtMost, Compliant, DampedCompliant, Equality, Hard, Scaled
+from pbd.projection import (
+    AtLeast,
+    AtMost,
+    Compliant,
+    DampedCompliant,
+    Equality,
+    Hard,
+    Scaled,
+    Weighted,
+    WeightedCompliant,
+)
 
 RELATIONS: dict[str, Any] = {"equality": Equality(), "at_least": AtLeast(), "at_most": AtMost()}
 """C = 0; C >= 0; C <= 0. For a distance: rod; strut that only keeps apart; rope that only holds together."""
@@ -55,13 +65,22 @@ class Stiffness:
         _relation(self.relation)
         object.__setattr__(self, "k", _values("stiffness.k", self.k, 1.0, "a number in [0, 1]"))
 
-    def bind(self, count: int, iterations: int) -> Any:
-        """The kernel's law for ``count`` constraints under ``iterations`` iterations."""
+    @property
+    def is_rigid(self) -> bool:
+        """Whether the constraints hold exactly once their projection has converged."""
+        return bool(np.all(np.asarray(self.k) == 1.0))
+
+    def bind(self, count: int, iterations: int, weight: np.ndarray | None = None, h: float = math.nan) -> Any:
+        """The kernel's law for ``count`` constraints under ``iterations`` iterations.
+
+        ``weight`` (m,) is their W = sum_j w_j |g_j|^2 [1/kg] where it never changes; h is not used.
+        """
         relation = RELATIONS[self.relation]
         k = _per_constraint("stiffness.k", self.k, count)
-        if np.all(k == 1.0):
-            return Hard(relation)
-        return Scaled(relation, k if self.raw else corrected(k, iterations))
+        applied = k if self.raw else corrected(k, iterations)
+        if weight is not None:
+            return Weighted(relation, applied * _inverse(weight, weight))
+        return Hard(relation) if self.is_rigid else Scaled(relation, applied)
 
 
 @dataclass(frozen=True)
@@ -80,14 +99,30 @@ class Compliance:
         object.__setattr__(self, "alpha", _values("compliance.alpha", self.alpha, math.inf, "finite and >= 0 m/N"))
         object.__setattr__(self, "beta", _values("compliance.beta", self.beta, math.inf, "finite and >= 0 N s/m"))
 
-    def bind(self, count: int, iterations: int) -> Any:
-        """The kernel's law for ``count`` constraints; XPBD needs no number of iterations."""
+    @property
+    def is_rigid(self) -> bool:
+        """Whether the constraints hold exactly once their projection has converged."""
+        return bool(np.all(np.asarray(self.alpha) == 0.0))
+
+    def bind(self, count: int, iterations: int, weight: np.ndarray | None = None, h: float = math.nan) -> Any:
+        """The kernel's law for ``count`` constraints; XPBD needs no number of iterations.
+
+        ``weight`` (m,) is their W = sum_j w_j |g_j|^2 [1/kg] where it never changes, h the sub-step [s] then.
+        """
         relation = RELATIONS[self.relation]
         alpha = _per_constraint("compliance.alpha", self.alpha, count)
         beta = _per_constraint("compliance.beta", self.beta, count)
         if np.any(alpha * beta > 0.0):
             return DampedCompliant(relation, alpha, beta, np.zeros(count))
+        if weight is not None:
+            scaled = alpha / h**2
+            return WeightedCompliant(relation, scaled, _inverse(weight + scaled, weight), np.zeros(count))
         return Compliant(relation, alpha, np.zeros(count))
+
+
+def _inverse(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """1 / total; 0 where the weight is 0, because nothing can move there."""
+    return np.divide(1.0, total, out=np.zeros_like(total), where=weight > 0.0)
 
 
 def _relation(name: str) -> None:

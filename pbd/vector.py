@@ -1,12 +1,13 @@
 """Small vectors, and the position store: a tuple of d contiguous 1-D arrays, one per axis.
 
-The store's type carries the dimension, so one source serves 1D, 2D and 3D, what a dimension lacks is
-never compiled, and each axis is a unit-stride array. This module alone knows the layout.
-A vector is a tuple of d floats. Functions that build a tuple recurse over it at compile time.
+The store's type carries dimension and precision, so one source serves 1D to 3D in float64 and float32,
+what a dimension lacks is never compiled, and each axis is a unit-stride array. This module alone knows
+the layout. A vector is a tuple of d floats. Functions that build a tuple recurse over it at compile time.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,32 @@ from pbd.jit import DEVICE_OPTIONS, device
 Store = tuple[np.ndarray, ...]
 Vector = tuple[float, ...]
 
+LINE = 64
+"""Bytes of a cache line. Arrays start on one, or each wide load and store would touch two."""
+
+PAGE = 4096
+_stagger = itertools.cycle(range(0, PAGE, 5 * LINE))
+"""Arrays start at different places in their pages: a load and an earlier store equal in the last 12 bits of their
+addresses wait for each other."""
+
+
+def aligned(values: np.ndarray, dtype: Any = None) -> np.ndarray:
+    """A contiguous copy that starts on a cache line."""
+    values = np.asarray(values)
+    dtype = np.dtype(dtype or values.dtype)
+    size = values.size * dtype.itemsize
+    if size < PAGE:
+        return np.array(values, dtype=dtype, order="C")
+    raw = np.empty(size + 2 * PAGE, dtype=np.uint8)
+    start = -raw.ctypes.data % PAGE + next(_stagger)
+    copy = raw[start : start + size].view(dtype).reshape(values.shape)
+    copy[...] = values
+    return copy
+
 
 def to_store(points: np.ndarray) -> Store:
     """(n, d) array -> store; always a copy."""
-    return tuple(np.array(axis, dtype=np.float64, order="C") for axis in points.T)
+    return tuple(aligned(axis, np.float64) for axis in points.T)
 
 
 def from_store(store: Store) -> np.ndarray:
@@ -33,9 +56,21 @@ def zeros(shape: int | tuple[int, ...], dimension: int) -> Store:
     return tuple(np.zeros(shape) for _ in range(dimension))
 
 
-def _typed(function: Any) -> Any:
+def typed(function: Any) -> Any:
     """Decorator: choose the compiled form of ``function`` from the types of its arguments."""
     return overload(function, strict=False, jit_options=DEVICE_OPTIONS)
+
+
+def like(a: Any, value: float) -> Any:
+    """``value`` in the precision of a, so that a constant does not raise single precision to double."""
+    return type(a)(value)
+
+
+@typed(like)
+def _like(a: Any, value: Any) -> Any:
+    if str(a) == "float32":
+        return lambda a, value: np.float32(value)
+    return lambda a, value: value
 
 
 def load(x: Store, i: int) -> Vector:
@@ -43,7 +78,7 @@ def load(x: Store, i: int) -> Vector:
     return tuple(axis[i] for axis in x)
 
 
-@_typed(load)
+@typed(load)
 def _load(x: Any, i: Any) -> Any:
     if len(x) == 1:
         return lambda x, i: (x[0][i],)
@@ -55,7 +90,7 @@ def zero(x: Store) -> Vector:
     return tuple(0.0 for _ in x)
 
 
-@_typed(zero)
+@typed(zero)
 def _zero(x: Any) -> Any:
     if len(x) == 1:
         return lambda x: (0.0,)
@@ -67,7 +102,7 @@ def subtract(a: Vector, b: Vector) -> Vector:
     return tuple(p - q for p, q in zip(a, b, strict=True))
 
 
-@_typed(subtract)
+@typed(subtract)
 def _subtract(a: Any, b: Any) -> Any:
     if len(a) == 1:
         return lambda a, b: (a[0] - b[0],)
@@ -79,24 +114,36 @@ def scale(s: float, a: Vector) -> Vector:
     return tuple(s * p for p in a)
 
 
-@_typed(scale)
+@typed(scale)
 def _scale(s: Any, a: Any) -> Any:
     if len(a) == 1:
         return lambda s, a: (s * a[0],)
     return lambda s, a: (s * a[0],) + scale(s, a[1:])
 
 
+def negate(a: Vector) -> Vector:
+    """-a."""
+    return tuple(-p for p in a)
+
+
+@typed(negate)
+def _negate(a: Any) -> Any:
+    if len(a) == 1:
+        return lambda a: (-a[0],)
+    return lambda a: (-a[0],) + negate(a[1:])
+
+
 @device
 def add(a, b):
     """a + b."""
-    return subtract(a, scale(-1.0, b))
+    return subtract(a, negate(b))
 
 
 @device
 def dot(a, b):
     """a . b."""
-    total = 0.0
-    for k in range(len(a)):
+    total = a[0] * b[0]
+    for k in range(1, len(a)):
         total += a[k] * b[k]
     return total
 
@@ -113,3 +160,11 @@ def accumulate(x, i, s, a):
     """x_i <- x_i + s a."""
     for k in range(len(x)):
         x[k][i] += s * a[k]
+
+
+@device
+def copy(x, y):
+    """x <- y, whole stores."""
+    for k in range(len(x)):
+        for i in range(x[k].shape[0]):
+            x[k][i] = y[k][i]

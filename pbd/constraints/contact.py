@@ -65,6 +65,10 @@ class Contact(NamedTuple):
         i = self.particle[c]
         return (i,), dot(subtract(load(x, i), load(self.point, c)), normal), (normal,), (1.0,)
 
+    def renumbered(self, slot: np.ndarray) -> Contact:
+        """The same for particles that now stand in ``slot``."""
+        return self._replace(candidates=slot[self.candidates])
+
     def begin(self, state, h):
         reset(self.law)
         self.filled[0] = 0

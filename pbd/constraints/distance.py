@@ -10,14 +10,29 @@ import numpy as np
 from pbd.arrays import broadcast, indices
 from pbd.dispatch import stage
 from pbd.errors import InvalidInput
+from pbd.jit import device
+from pbd.projection import sweep
+from pbd.roots import inverse_root
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
-from pbd.vector import dot, from_store, load, scale, subtract
+from pbd.vector import dot, from_store, like, load, negate, scale, subtract
 
 
 @stage(required=True)
 def pair(pairs, c):
     """The two particles of constraint c."""
+
+
+@stage
+def measure(pairs, squared):
+    """(length, 1/length) of a difference of that squared length; the inverse of 0 is 0."""
+    length = math.sqrt(squared)
+    return length, reciprocal(length)
+
+
+@device
+def reciprocal(length):
+    return like(length, 1.0) / length if length > 0.0 else like(length, 0.0)
 
 
 class Pairs(NamedTuple):
@@ -29,6 +44,9 @@ class Pairs(NamedTuple):
     def pair(self, c):
         return self.i[c], self.j[c]
 
+    def as_array(self, count: int) -> np.ndarray:
+        return np.column_stack([self.i, self.j]).astype(np.int64)
+
 
 class Path(NamedTuple):
     """Particle first + c with the next one: the compiler keeps their common particle in registers (15 % of a step)."""
@@ -39,11 +57,29 @@ class Path(NamedTuple):
         i = self.first + np.uint64(c)
         return i, i + np.uint64(1)
 
+    def as_array(self, count: int) -> np.ndarray:
+        i = int(self.first) + np.arange(count)
+        return np.column_stack([i, i + 1])
+
+
+class Shifted(NamedTuple):
+    """Particle i + c with j + c: unit-stride, and so independent that lengths are best found by arithmetic."""
+
+    i: np.uint64
+    j: np.uint64
+
+    def pair(self, c):
+        return self.i + np.uint64(c), self.j + np.uint64(c)
+
+    def measure(self, squared):
+        inverse = inverse_root(squared)
+        return squared * inverse, inverse
+
 
 class Distance(NamedTuple):
-    """``pairs`` kept at ``rest`` (m,) [m] from each other."""
+    """``pairs``, of one of the kinds above, kept at ``rest`` (m,) [m] from each other."""
 
-    pairs: Pairs | Path
+    pairs: Any
     rest: np.ndarray
     law: Any
 
@@ -57,9 +93,42 @@ class Distance(NamedTuple):
         """
         i, j = pair(self.pairs, c)
         difference = subtract(load(x, i), load(x, j))
-        length = math.sqrt(dot(difference, difference))
-        normal = scale(1.0 / length if length > 0.0 else 0.0, difference)
-        return (i, j), length - self.rest[c], (normal, scale(-1.0, normal)), (1.0, 1.0)
+        length, inverse = measure(self.pairs, dot(difference, difference))
+        normal = scale(inverse, difference)
+        return (i, j), length - self.rest[c], (normal, negate(normal)), (1.0, 1.0)
+
+    def weights(self, w: np.ndarray) -> np.ndarray:
+        """(m,) W = w_i + w_j [1/kg]: gradients have norm 1, so it never changes."""
+        return w[self.pairs.as_array(self.size())].sum(axis=1)
+
+    def renumbered(self, slot: np.ndarray) -> Distance:
+        """The same for particles that now stand in ``slot``."""
+        return self._replace(pairs=_select_pairs(slot[self.pairs.as_array(self.size())]))
+
+
+class DistanceRuns(NamedTuple):
+    """Distances in unit-stride runs: those from ``start[r]`` to ``start[r + 1]`` join i[r] + c with j[r] + c.
+
+    ``source`` (m,) is their number before they were sorted, -1 for one of weight 0 that fills a gap; ``real`` of them
+    are no such. See `pbd.solvers.runs`.
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    start: np.ndarray
+    source: np.ndarray
+    real: int
+    rest: np.ndarray
+    law: Any
+
+    def size(self):
+        return self.real
+
+    def project(self, state, h):
+        for r in range(self.i.shape[0]):
+            run = Distance(Shifted(self.i[r], self.j[r]), self.rest, self.law)
+            sweep(run, range(self.start[r], self.start[r + 1]), state.particles, h)
+        state.work[0] += self.real
 
 
 def distance(

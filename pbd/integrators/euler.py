@@ -14,6 +14,10 @@ class Euler(NamedTuple):
     Deviation: v <- (p - x)/h loses digits as h shrinks; its round-off floor is about 1e-16 |x| / h.
     """
 
+    def bind(self, problem):
+        """The kernel's integrator: itself; it takes every problem."""
+        return self
+
     def step(self, solver, scene, h):
         state = scene.state
         accelerate(scene.external, state, h)  # (5)  v <- v + h w f_ext

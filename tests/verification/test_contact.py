@@ -134,7 +134,7 @@ def test_a_particle_rests_in_the_corner_of_two_planes(slope):
 
 def test_both_walls_of_a_right_corner_stop_a_throw():
     x, v, _ = drop((0.2, 0.3), (-40.0, -90.0), normal=[(0.0, 1.0), (1.0, 0.0)], steps=100)
-    assert x.min() >= 0.0
+    assert x.min() >= -1e-16  # a particle on a wall may lie a round-off inside
     np.testing.assert_allclose(x[-1], 0.0, atol=1e-12)
     assert np.abs(v[-1]).max() <= 1e-9
 
