@@ -29,14 +29,12 @@ class Arrangement(NamedTuple):
     """What runs: the kernel's solver, particles and batches, laws bound.
 
     slot (n,) : where each of the user's particles stands; None where they stand as given
-    wide : whether the kernel lives by its vector loops
     """
 
     solver: Any
     particles: Particles
     batches: tuple
     slot: np.ndarray | None = None
-    wide: bool = False
 
 
 def bind_laws(problem: Problem) -> tuple:

@@ -84,7 +84,7 @@ else:
 
     @intrinsic
     def prefer_wide_vectors(typing_context):
-        """Let the calling kernel use 512-bit registers where there are such.
+        """Let the loops of the calling function use 512-bit registers where there are such.
 
         LLVM keeps to half of them by default, for the sake of code that has few vector loops.
         """

@@ -25,7 +25,7 @@ import numpy as np
 from numba.extending import overload
 
 from pbd.dispatch import stage
-from pbd.jit import DEVICE_OPTIONS, device
+from pbd.jit import DEVICE_OPTIONS, device, prefer_wide_vectors
 from pbd.stages import evaluate, size
 from pbd.vector import accumulate, dot, like, load, subtract
 
@@ -238,7 +238,8 @@ def project(batch, state, h):
 
 @device
 def sweep(batch, constraints, particles, h):
-    """Project the constraints of a range, one after the other."""
+    """Project the constraints of a range, one after the other; whole vectors of them where they are independent."""
+    prefer_wide_vectors()
     for c in constraints:
         row = evaluate(batch, c, particles.p)
         change = increment(batch.law, c, row, particles, h)

@@ -14,7 +14,7 @@ from pbd.arrays import indices, number, real_array
 from pbd.errors import InvalidInput
 from pbd.external import Gravity
 from pbd.fields import Rule
-from pbd.jit import device, kernel, prefer_wide_vectors
+from pbd.jit import device, kernel
 from pbd.settings import Settings
 from pbd.stages import not_finite, observe, step
 from pbd.state import WORK, Particles, State
@@ -48,19 +48,6 @@ class Plan(NamedTuple):
 
 @kernel
 def simulation(integrator, solver, scene, plan, recordings):
-    """The loop as a kernel."""
-    return loop(integrator, solver, scene, plan, recordings)
-
-
-@kernel
-def simulation_in_runs(integrator, solver, scene, plan, recordings):
-    """The same for scenes whose time goes into long vector loops."""
-    prefer_wide_vectors()
-    return loop(integrator, solver, scene, plan, recordings)
-
-
-@device
-def loop(integrator, solver, scene, plan, recordings):
     """Line (4): the loop. Returns (steps done, samples recorded, 0 or the index of what diverged)."""
     recorded = 0
     unchecked = 0
@@ -155,7 +142,7 @@ class Simulation:
         problem = Problem(particles, tuple(constraints), settings)
         self._integrator = settings.integrator.bind(problem)
         arranged = settings.solver.arrange(problem)
-        self._slot, self._wide = arranged.slot, arranged.wide
+        self._slot = arranged.slot
         fields = tuple(external)
         if arranged.slot is not None:
             fields = tuple(renumbered(field, arranged.slot, "coloured") for field in fields)
@@ -181,8 +168,7 @@ class Simulation:
         recordings = tuple(g.new_recording(len(at)) if g is not None else None for g in state[:2])
         settings = self.settings
         plan = Plan(settings.dtype.type(settings.h), int(settings.substeps), steps, at, max(1, steps // CHECKS_PER_RUN))
-        run = simulation_in_runs if self._wide else simulation
-        done, recorded, broken = run(integrator, solver, scene, plan, recordings)
+        done, recorded, broken = simulation(integrator, solver, scene, plan, recordings)
         x, v = recordings[0] or ((np.zeros((len(at), 0)),) * 2,) * 2
         seen = slice(None) if self._slot is None else self._slot
         return Outcome(

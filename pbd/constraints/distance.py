@@ -63,13 +63,16 @@ class Path(NamedTuple):
 
 
 class Shifted(NamedTuple):
-    """Particle i + c with j + c: unit-stride, and so independent that lengths are best found by arithmetic."""
+    """Particle i + c with j + c: unit-stride, and so independent that lengths are best found by arithmetic.
+
+    All is unsigned, c too: a signed index might count from the end, which no vector loop can allow for.
+    """
 
     i: np.uint64
     j: np.uint64
 
     def pair(self, c):
-        return self.i + np.uint64(c), self.j + np.uint64(c)
+        return self.i + c, self.j + c
 
     def measure(self, squared):
         inverse = inverse_root(squared)

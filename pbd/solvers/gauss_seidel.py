@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from pbd import fields
 from pbd.arrangement import Arrangement, Problem, bind_laws, placed, renumbered
 from pbd.constraints.distance import Distance, Path
@@ -43,7 +45,7 @@ class GaussSeidel:
         batches, iterations = bind_laws(problem), int(problem.settings.iterations)
         if self.order == "wavefront":
             _check_one_chain(batches)
-            return Arrangement(Wavefront(iterations), problem.particles, batches, wide=True)
+            return Arrangement(Wavefront(iterations), problem.particles, batches)
         return Arrangement(Sweeps(iterations), problem.particles, batches)
 
 
@@ -77,7 +79,8 @@ class Wavefront(NamedTuple):
         for t in range(links + 2 * (sweeps - 1)):
             latest = max((t - links + 2) // 2, 0)
             first = t - 2 * min(t // 2, sweeps - 1)
-            sweep(chain, range(first, t - 2 * latest + 1, 2), state.particles, h)
+            links_now = range(np.uint64(first), np.uint64(t - 2 * latest + 1), np.uint64(2))
+            sweep(chain, links_now, state.particles, h)
         state.work[0] += sweeps * links
 
 
@@ -101,4 +104,4 @@ def _coloured(problem: Problem) -> Arrangement:
         moved = renumbered(batch, layout.slot, "coloured")
         found += runs.split(moved) if isinstance(batch, Distance) else [moved]
     particles = placed(problem.particles, layout.slot, layout.slots)
-    return Arrangement(Sweeps(int(problem.settings.iterations)), particles, tuple(found), layout.slot, wide=True)
+    return Arrangement(Sweeps(int(problem.settings.iterations)), particles, tuple(found), layout.slot)

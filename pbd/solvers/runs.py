@@ -148,11 +148,11 @@ def _find_runs(placed: np.ndarray) -> tuple[list[Run], np.ndarray]:
 def _in_runs(batch: Distance, runs: list[Run]) -> DistanceRuns:
     """The batch's constraints in the order of the runs; those of weight 0 have rest length 1 and factor 0."""
     source = np.concatenate([run.source for run in runs])
-    start = np.concatenate([[0], np.cumsum([len(run.source) for run in runs])])
+    start = np.concatenate([[0], np.cumsum([len(run.source) for run in runs])])  # unsigned below: see `Shifted`
     rest = np.where(source >= 0, batch.rest[source], 1.0)
     first = np.array([(run.i, run.j) for run in runs])
     i, j = (first - start[:-1, None]).T.astype(np.uint64)  # modulo 2^64: shift + constraint is the particle
-    return DistanceRuns(i.copy(), j.copy(), start, source, int(np.sum(source >= 0)), rest, select(batch.law, source))
+    return DistanceRuns(i.copy(), j.copy(), start.astype(np.uint64), source, int(np.sum(source >= 0)), rest, select(batch.law, source))
 
 
 def select(law: Any, source: np.ndarray) -> Any:
