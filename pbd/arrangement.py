@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 
 class Problem(NamedTuple):
-    """Particles, the user's batches with the laws as chosen, and how to step."""
+    """Particles, the user's batches with the laws as chosen, how to step, and further bodies if any."""
 
     particles: Any
     batches: tuple
     settings: Settings
+    bodies: Any = None
 
 
 class Arrangement(NamedTuple):

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from pbd.intrinsics import typed
 from pbd.jit import device
 from pbd.projection import scatter
 from pbd.stages import evaluate, size
-from pbd.vector import Store, accumulate, dot, like, load, typed
+from pbd.vector import Store, accumulate, dot, like, load
 
 
 class Frozen(NamedTuple):

@@ -34,11 +34,10 @@ from numba import njit, types
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
-from numba.extending import intrinsic, register_jitable
+from numba.extending import register_jitable
 
-KERNEL_OPTIONS: Any = {"_nrt": False, "error_model": "numpy", "fastmath": {"contract"}}
-"""No allocation, and division by zero gives inf or nan as in numpy: a kernel never raises. A product and a sum may
-become one fused operation: the last bit then depends on the machine, and projections in runs cost a third less."""
+KERNEL_OPTIONS: Any = {"_nrt": False, "error_model": "numpy"}
+"""No allocation, and division by zero gives inf or nan as in numpy: a kernel never raises."""
 
 DEVICE_OPTIONS: Any = {
     **KERNEL_OPTIONS,
@@ -55,9 +54,6 @@ device = register_jitable(**DEVICE_OPTIONS)
 device_sum = register_jitable(**{**DEVICE_OPTIONS, "fastmath": {"contract", "reassoc", "nsz"}})
 """As `device`, for sums that may be taken in any order, several at once."""
 
-WIDE_VECTORS = '"prefer-vector-width"="512"'
-"""LLVM's attribute of a function that lives by its vector loops."""
-
 config: Any = _numba_config
 _DIGEST_BYTES = 32
 _STDLIB = sys.stdlib_module_names
@@ -73,27 +69,6 @@ def kernel(function: Callable[..., Any]) -> Any:
     dispatcher = njit(nogil=True, **KERNEL_OPTIONS)(function)
     dispatcher._cache = KernelCache(function)
     return dispatcher
-
-
-if config.DISABLE_JIT:
-
-    def prefer_wide_vectors() -> None:
-        """Nothing, in plain Python."""
-
-else:
-
-    @intrinsic
-    def prefer_wide_vectors(typing_context):
-        """Let the loops of the calling function use 512-bit registers where there are such.
-
-        LLVM keeps to half of them by default, for the sake of code that has few vector loops.
-        """
-
-        def generate(context, builder, signature, arguments):
-            set.add(builder.function.attributes, WIDE_VECTORS)  # llvmlite's own add() knows no such attribute
-            return context.get_dummy_value()
-
-        return types.none(), generate
 
 
 def announce(name: str) -> None:

@@ -25,7 +25,8 @@ import numpy as np
 from numba.extending import overload
 
 from pbd.dispatch import stage
-from pbd.jit import DEVICE_OPTIONS, device, prefer_wide_vectors
+from pbd.intrinsics import prefer_wide_vectors
+from pbd.jit import DEVICE_OPTIONS, device
 from pbd.stages import evaluate, size
 from pbd.vector import accumulate, dot, like, load, subtract
 

@@ -10,62 +10,32 @@ Limits: the result may be off by 2 units in the last place. q = 0 gives a large 
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
-from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
+from pbd.intrinsics import inverse_root_guess, multiply_add, typed
 from pbd.jit import device
-from pbd.vector import typed
+from pbd.vector import like
 
-SEED_64, SEED_32 = 0x5FE6EB50C7B537A9, 0x5F375A86
-SMALLEST = 1e-300
-
-
-def inverse_root(q: Any) -> Any:
-    """1/sqrt(q) in the precision of q."""
-    return type(q)(1.0 / math.sqrt(max(q, SMALLEST)))
-
-
-@typed(inverse_root)
-def _inverse_root(q: Any) -> Any:
-    return _single if q == types.float32 else _double
-
-
-def _double(q: Any) -> Any:
-    half = 0.5 * q
-    y = seed(q)  # type: ignore[call-arg, var-annotated]
-    for _ in range(4):
-        y = newton(half, y, 1.5)
-    return y
-
-
-def _single(q: Any) -> Any:
-    half = np.float32(0.5) * q
-    y = seed(q)  # type: ignore[call-arg, var-annotated]
-    for _ in range(3):
-        y = newton(half, y, np.float32(1.5))
-    return y
+STEPS_64, STEPS_32 = 4, 3
 
 
 @device
-def newton(half, y, one_and_half):
-    return y * (one_and_half - half * y * y)
+def inverse_root(q):
+    """1/sqrt(q) in the precision of q."""
+    y = inverse_root_guess(q)
+    half = like(q, 0.5) * q
+    for _ in range(steps(q)):
+        y = y * multiply_add(-half * y, y, like(q, 1.5))
+    return y
 
 
-@intrinsic
-def seed(typing_context, q):
-    """The first guess, from the bits of q."""
-    single = q == types.float32
-    bits, magic = (32, SEED_32) if single else (64, SEED_64)
+def steps(q: Any) -> int:
+    """Newton steps to round-off in the precision of q."""
+    return STEPS_64
 
-    def generate(context, builder, signature, arguments):
-        whole = ir.IntType(bits)
-        halved = builder.lshr(builder.bitcast(arguments[0], whole), ir.Constant(whole, 1))
-        guess = builder.sub(ir.Constant(whole, magic), halved)
-        return builder.bitcast(guess, arguments[0].type)
 
-    return (types.float32 if single else types.float64)(q), generate
+@typed(steps)
+def _steps(q: Any) -> Any:
+    return (lambda q: STEPS_32) if q == types.float32 else (lambda q: STEPS_64)

@@ -88,6 +88,7 @@ class Outcome:
     unconverged : solves that ended without the residual they are to reach
     scene : the final state and the bound batches, e.g. for ``scene.batches[0].law.multiplier``
     recordings : the raw recordings of all groups
+    solver : the kernel's solver after the run, e.g. for ``solver.counts`` of `pbd.Implicit`
     """
 
     times: np.ndarray
@@ -99,6 +100,7 @@ class Outcome:
     unconverged: int
     scene: Scene
     recordings: tuple
+    solver: Any
 
     @property
     def status(self) -> str:
@@ -139,7 +141,7 @@ class Simulation:
         bodies: Any = None,
     ) -> None:
         self.settings = settings = settings or Settings()
-        problem = Problem(particles, tuple(constraints), settings)
+        problem = Problem(particles, tuple(constraints), settings, bodies)
         self._integrator = settings.integrator.bind(problem)
         arranged = settings.solver.arrange(problem)
         self._slot = arranged.slot
@@ -181,6 +183,7 @@ class Simulation:
             unconverged=int(state.work[1]),
             scene=scene,
             recordings=recordings,
+            solver=solver,
         )
 
 

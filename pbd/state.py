@@ -9,6 +9,7 @@ import numpy as np
 
 from pbd.arrays import broadcast, indices, real_array
 from pbd.errors import InvalidInput
+from pbd.intrinsics import multiply_add
 from pbd.jit import device
 from pbd.vector import Store, aligned, like, to_store, zeros
 
@@ -94,7 +95,7 @@ def kick_axis(v, w, dv):
 @device
 def predict_axis(p, x, v, h):
     for i in range(p.shape[0]):
-        p[i] = x[i] + h * v[i]
+        p[i] = multiply_add(h, v[i], x[i])
 
 
 @device

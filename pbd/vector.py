@@ -11,9 +11,9 @@ import itertools
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
-from pbd.jit import DEVICE_OPTIONS, device
+from pbd.intrinsics import multiply_add, typed
+from pbd.jit import device
 
 Store = tuple[np.ndarray, ...]
 Vector = tuple[float, ...]
@@ -54,11 +54,6 @@ def from_store(store: Store) -> np.ndarray:
 def zeros(shape: int | tuple[int, ...], dimension: int) -> Store:
     """A store of zeros, each axis of the given shape."""
     return tuple(np.zeros(shape) for _ in range(dimension))
-
-
-def typed(function: Any) -> Any:
-    """Decorator: choose the compiled form of ``function`` from the types of its arguments."""
-    return overload(function, strict=False, jit_options=DEVICE_OPTIONS)
 
 
 def like(a: Any, value: float) -> Any:
@@ -144,7 +139,7 @@ def dot(a, b):
     """a . b."""
     total = a[0] * b[0]
     for k in range(1, len(a)):
-        total += a[k] * b[k]
+        total = multiply_add(a[k], b[k], total)
     return total
 
 
@@ -159,7 +154,7 @@ def store(x, i, a):
 def accumulate(x, i, s, a):
     """x_i <- x_i + s a."""
     for k in range(len(x)):
-        x[k][i] += s * a[k]
+        x[k][i] = multiply_add(s, a[k], x[k][i])
 
 
 @device

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.engines._checks import beyond_rods_and_springs
+from comparisons.engines import _pbd_scene
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory
 from pbd import fields
@@ -18,6 +18,9 @@ from pbd.errors import InvalidInput
 TITLE = "PBD"
 FOREIGN = False
 METHODS = ("pbd", "xpbd", "small_steps")
+SOLVERS = ("gauss_seidel", "direct", "jacobi", "multilevel", "implicit")
+ORDERS = ("natural", "wavefront", "coloured")
+PRECISIONS = ("float64", "float32")
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,10 @@ class Settings:
     k: float | None = fields.real(None, "1", 0.0, 1.0, "PBD stiffness; default from the compliance", optional=True)
     raw: bool = fields.flag(False, "apply k itself in each iteration instead of k'")
     damping: float = fields.real(0.0, "1", 0.0, 1.0, "k_damp of the plain velocity damping")
+    solver: str = fields.choice("gauss_seidel", SOLVERS, "of the constraints of a sub-step")
+    order: str = fields.choice("natural", ORDERS, "of the constraints in a Gauss-Seidel sweep")
+    levels: int = fields.whole(32, 0, 32, "coarse levels at most, of the multilevel solver")
+    precision: str = fields.choice("float64", PRECISIONS, "of positions, velocities and projections")
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
@@ -69,7 +76,7 @@ def version() -> str:
 
 
 def unsupported(scene: Scene, settings: Settings) -> str:
-    return beyond_rods_and_springs(scene)
+    return _pbd_scene.why_not(scene, _solver_settings(settings), _law_of(settings))
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
@@ -78,44 +85,42 @@ def sweep(scene: Scene) -> list[dict[str, Any]]:
 
 
 def describe(settings: Settings) -> str:
-    """The method and its counts in words."""
+    """The method, how it is solved, and its counts, in words; what is usual is left out."""
     counts = ((settings.iterations, "iterations"), (settings.substeps, "sub-steps"))
-    return ", ".join([NAMES[settings.method], *(f"{n} {what}" for n, what in counts if n > 1)])
+    how = [settings.solver if settings.solver != "gauss_seidel" else "", settings.order, settings.precision]
+    said = [word.replace("_", " ") for word in how if word and word not in ("natural", "float64")]
+    return ", ".join([NAMES[settings.method], *said, *(f"{n} {what}" for n, what in counts if n > 1)])
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Bind the simulation; the run is one kernel call."""
+    return _pbd_scene.prepare(scene, _solver_settings(settings), _law_of(settings))
+
+
+def _solver_settings(settings: Settings) -> Any:
     import pbd
 
-    masses = scene.masses
-    particles = pbd.particles(
-        masses.positions, masses=masses.masses, velocities=masses.velocities, pinned=masses.pinned
+    return pbd.Settings(
+        dt=settings.dt,
+        iterations=settings.iterations,
+        substeps=settings.substeps,
+        damping=pbd.Damping(settings.damping, plain=True),
+        solver=_solver(settings),
+        precision=settings.precision,
     )
-    links = [
-        pbd.distance(particles, link.pairs, rest_length=link.lengths, law=_law(link, particles.w, settings))
-        for link in scene.links
-    ]
-    simulation = pbd.Simulation(
-        particles,
-        links,
-        gravity=scene.gravity,
-        settings=pbd.Settings(
-            dt=settings.dt,
-            iterations=settings.iterations,
-            substeps=settings.substeps,
-            damping=pbd.Damping(settings.damping, plain=True),
-        ),
-    )
-    every = scene.steps_per_sample(settings.dt)
-    at = np.arange(scene.samples + 1) * every
 
-    def run() -> Trajectory:
-        out = simulation.run(every * scene.samples, at)
-        return Trajectory(
-            out.times, out.positions, out.velocities, out.steps, {"projections": out.projections}, out.quantity
-        )
 
-    return run
+def _solver(settings: Settings) -> Any:
+    import pbd
+
+    if settings.solver == "multilevel":
+        return pbd.Multilevel(levels=settings.levels)
+    others = {"direct": pbd.Direct, "jacobi": pbd.Jacobi, "implicit": pbd.Implicit}
+    return pbd.GaussSeidel(settings.order) if settings.solver == "gauss_seidel" else others[settings.solver]()
+
+
+def _law_of(settings: Settings) -> _pbd_scene.Law:
+    return lambda link, w: _law(link, w, settings)
 
 
 def _law(link: Rods | Springs, w: np.ndarray, settings: Settings) -> Any:

@@ -83,10 +83,16 @@ class Shake:
             if not is_empty(batch) and not is_rigid_equality(batch):
                 reason = f"{type(batch).__name__} is soft or one-sided; its step is Euler's"
                 raise InvalidInput("settings.integrator", "shake", "euler, or rigid equality constraints", reason)
-        if problem.settings.damping is not None and problem.settings.damping.k > 0.0:
-            raise InvalidInput(
-                "settings.damping", problem.settings.damping.k, "0 with shake", "it makes it first order"
-            )
+        settings = problem.settings
+        name = type(settings.solver).__name__
+        for field, value, is_bad, allowed, reason in (
+            ("solver", name, not getattr(settings.solver, "solves_frozen", False), "Direct, natural GaussSeidel", ""),
+            ("damping", settings.damping, settings.damping and settings.damping.k, "none", "it is of first order"),
+            ("precision", settings.precision, settings.precision != "float64", "float64", "order 2 needs its digits"),
+            ("bodies", problem.bodies, problem.bodies is not None, "none", "only particles are integrated so"),
+        ):
+            if is_bad:
+                raise InvalidInput(f"settings.{field}", value, f"{allowed} with shake", reason)
         velocity = Impulses() if self.velocity == "impulses" else Differences()
         return Leapfrog(self.stages, np.zeros(1), velocity)
 

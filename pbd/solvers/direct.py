@@ -14,9 +14,10 @@ the last three steps; one Newton iteration then mostly suffices.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,9 +25,10 @@ from pbd.arrangement import Arrangement, Problem, bind_laws, is_empty, is_rigid_
 from pbd.constraints.distance import Distance, Path
 from pbd.errors import InvalidInput
 from pbd.frozen import Frozen, Tangent
+from pbd.intrinsics import typed
 from pbd.jit import device, device_sum
 from pbd.solvers.tridiagonal import Tridiagonal, eliminate
-from pbd.vector import Store, copy, dot, load, typed, zeros
+from pbd.vector import Store, copy, dot, load, zeros
 
 TOLERANCE = 1e-15
 """Of the squared length: a residual |D|^2/2 below it is round-off; one unit in the last place of L^2 is 2.2e-16."""
@@ -45,6 +47,8 @@ class Direct:
     Limits: chains of rigid distances in order, particle k to k + 1, in any number, and nothing else.
     """
 
+    solves_frozen: ClassVar[bool] = True
+
     def arrange(self, problem: Problem) -> Arrangement:
         """Bind everything; raises `InvalidInput` where something is no chain, soft or one-sided."""
         batches = bind_laws(problem)
@@ -54,13 +58,27 @@ class Direct:
                 raise InvalidInput("settings.solver", "direct", "gauss_seidel here", reason)
             if not is_empty(given) and not is_rigid_equality(given):
                 raise InvalidInput("settings.solver", "direct", "gauss_seidel here", "the chain is soft or one-sided")
-        if problem.settings.iterations != 1:
+        _check_apart(batches)
+        settings = problem.settings
+        if settings.iterations != 1:
             reason = "the direct solver iterates until it has converged"
-            raise InvalidInput("settings.iterations", problem.settings.iterations, "1 with direct", reason)
-        stages = len(getattr(problem.settings.integrator, "stages", (1.0,)))
+            raise InvalidInput("settings.iterations", settings.iterations, "1 with direct", reason)
+        if settings.precision != "float64":
+            raise InvalidInput("settings.precision", settings.precision, "float64 with direct", "it solves to 1e-15")
+        stages = len(getattr(settings.integrator, "stages", (1.0,)))
         dimension = len(problem.particles.x)
         chains = tuple(_workspace(batch.size(), dimension, stages) for batch in batches)
         return Arrangement(ChainSolver(chains), problem.particles, batches)
+
+
+def _check_apart(batches: tuple) -> None:
+    """Refuse chains that share a particle: their systems are one, which is not tridiagonal."""
+    ranges = sorted((int(batch.pairs.first), int(batch.pairs.first) + batch.size()) for batch in batches)
+    for one, other in itertools.pairwise(ranges):
+        if other[0] <= one[1]:
+            raise InvalidInput(
+                "settings.solver", "direct", "gauss_seidel here", f"two chains share particle {other[0]}"
+            )
 
 
 class Chain(NamedTuple):

@@ -38,6 +38,11 @@ class GaussSeidel:
     def __post_init__(self) -> None:
         fields.check(self, "solver")
 
+    @property
+    def solves_frozen(self) -> bool:
+        """Whether it can project what `pbd.frozen` makes of a batch: in natural order."""
+        return self.order == "natural"
+
     def arrange(self, problem: Problem) -> Arrangement:
         """Bind everything; raises `InvalidInput` where the order does not fit the constraints."""
         if self.order == "coloured":

@@ -34,6 +34,9 @@ LANES = 16
 FREQUENT = 12
 """So many of the most frequent index differences are tried as row widths."""
 
+SAMPLE, ROWS = 4_000, 8
+"""Particles, and row widths, whose constraints decide the layout: a larger grid goes on as it begins."""
+
 
 class Layout(NamedTuple):
     """slot (n,) : where each particle stands, among ``slots`` places."""
@@ -52,15 +55,19 @@ class Run(NamedTuple):
 
 def choose_layout(batches: list[np.ndarray], count: int) -> Layout:
     """The cheapest layout for batches of (m, 2) pairs among ``count`` particles."""
-    best, lowest = Layout(np.arange(count), count), math.inf
-    for width in _widths(np.concatenate(batches), count):
+    widths = _widths(np.concatenate(batches), count)
+    start = max(SAMPLE, ROWS * max(widths[1:], default=1))
+    sample = [pairs[pairs.min(axis=1) < start] for pairs in batches]
+    most = int(max(pairs.max(initial=0) for pairs in sample)) + 1
+    best, lowest = (count, 1, 1), math.inf
+    for width in widths:
         for columns in CLASSES:
             for rows in CLASSES if width < count else (1,):
-                layout = _layout(count, width, columns, rows)
-                cost = float(sum(_cost(layout.slot[pairs]) for pairs in batches))
+                slot = _layout(most, width, columns, rows).slot
+                cost = float(sum(_cost(slot[pairs]) for pairs in sample))
                 if cost < lowest:
-                    best, lowest = layout, cost
-    return best
+                    best, lowest = (width, columns, rows), cost
+    return _layout(count, *best)
 
 
 def _widths(pairs: np.ndarray, count: int) -> list[int]:
@@ -94,7 +101,7 @@ def _breaks(i: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """Where runs begin in pairs sorted by (offset, i)."""
     step = np.diff(i)
     new = np.concatenate([[True], (np.diff(offset) != 0) | (step > WIDEST_GAP + 1) | (step == 0)])
-    begins = list(np.flatnonzero(new))
+    begins: list[int] = np.flatnonzero(new).tolist()
     found = []
     for begin, end in zip(begins, [*begins[1:], len(i)], strict=True):
         while begin < end:  # a run must not reach its own second particles
@@ -152,7 +159,9 @@ def _in_runs(batch: Distance, runs: list[Run]) -> DistanceRuns:
     rest = np.where(source >= 0, batch.rest[source], 1.0)
     first = np.array([(run.i, run.j) for run in runs])
     i, j = (first - start[:-1, None]).T.astype(np.uint64)  # modulo 2^64: shift + constraint is the particle
-    return DistanceRuns(i.copy(), j.copy(), start.astype(np.uint64), source, int(np.sum(source >= 0)), rest, select(batch.law, source))
+    return DistanceRuns(
+        i.copy(), j.copy(), start.astype(np.uint64), source, int(np.sum(source >= 0)), rest, select(batch.law, source)
+    )
 
 
 def select(law: Any, source: np.ndarray) -> Any:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pbd.intrinsics import multiply_add
 from pbd.jit import device
 
 
@@ -40,10 +41,10 @@ def eliminate(system):
     right[middle] = solution
     up = solution
     for k in range(1, last - middle + 1):
-        up = right[middle + k] - lower[middle + k] * up
+        up = multiply_add(-lower[middle + k], up, right[middle + k])
         right[middle + k] = up
         if k <= middle:
-            solution = right[middle - k] - upper[middle - k] * solution
+            solution = multiply_add(-upper[middle - k], solution, right[middle - k])
             right[middle - k] = solution
 
 
@@ -51,9 +52,9 @@ def eliminate(system):
 def from_below(system, c, before, right_before):
     """Eliminate row c's lower neighbour; (upper_c, right_c) over the pivot, also kept in the system."""
     lower, diagonal, upper, right = system
-    inverse = 1.0 / (diagonal[c] - lower[c] * before)
+    inverse = 1.0 / multiply_add(-lower[c], before, diagonal[c])
     after = upper[c] * inverse
-    right_after = (right[c] - lower[c] * right_before) * inverse
+    right_after = multiply_add(-lower[c], right_before, right[c]) * inverse
     upper[c], right[c] = after, right_after
     return after, right_after
 
@@ -62,8 +63,8 @@ def from_below(system, c, before, right_before):
 def from_above(system, c, before, right_before):
     """Eliminate row c's upper neighbour; (lower_c, right_c) over the pivot, also kept in the system."""
     lower, diagonal, upper, right = system
-    inverse = 1.0 / (diagonal[c] - upper[c] * before)
+    inverse = 1.0 / multiply_add(-upper[c], before, diagonal[c])
     after = lower[c] * inverse
-    right_after = (right[c] - upper[c] * right_before) * inverse
+    right_after = multiply_add(-upper[c], right_before, right[c]) * inverse
     lower[c], right[c] = after, right_after
     return after, right_after

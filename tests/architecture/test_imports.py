@@ -20,6 +20,9 @@ MAX_LINES = 300
 VALIDATION = {"pbd.errors", "pbd.fields"}
 """All of the solver that the harness may know, apart from the solver's own adapter."""
 
+OWN_ADAPTERS = {f"comparisons/engines/{name}.py" for name in ("pbd", "shake", "_pbd_scene")}
+"""Adapters of the solver itself, and what they share."""
+
 SHARED_WITH_SYMPLECTIC_EULER = {"pbd.jit", "pbd.vector", "pbd.collision"}
 """So that methods are compared, and not compilers or ray casts."""
 
@@ -84,7 +87,7 @@ def test_solver_needs_numpy_and_numba_only(name):
     assert roots - sys.stdlib_module_names - allowed == set()
 
 
-@pytest.mark.parametrize("name", [name for name in HARNESS if name != "comparisons/engines/pbd.py"])
+@pytest.mark.parametrize("name", [name for name in HARNESS if name not in OWN_ADAPTERS])
 def test_only_its_adapter_knows_the_solver(name):
     allowed = set(VALIDATION)
     if Path(name).parent.name == "engines" and "symplectic_euler" in name:
@@ -165,7 +168,8 @@ def loaded_after(statement: str) -> set[str]:
     return set(done.stdout.split())
 
 
-HEAVY = {"numpy", "numba", "llvmlite", "scipy", "msgspec", "matplotlib", "rich", "jinja2", "pymunk", "pybullet"}
+FOREIGN = {"pymunk", "pybullet", "mujoco", "pypbd"}
+HEAVY = FOREIGN | {"numpy", "numba", "llvmlite", "scipy", "msgspec", "matplotlib", "rich", "jinja2"}
 
 
 def test_command_line_answers_before_anything_heavy_is_loaded():
