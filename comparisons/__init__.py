@@ -12,8 +12,13 @@ if TYPE_CHECKING:
     from comparisons.record import Record as Record
     from comparisons.record import RunSpec as RunSpec
     from comparisons.run import execute as execute
+    from comparisons.studies.calibration import run as calibration
     from comparisons.studies.convergence import run as convergence
+    from comparisons.studies.scaling import run as scaling
+    from comparisons.studies.small_steps import run as small_steps
+    from comparisons.studies.solvers import run as solvers
     from comparisons.studies.stiffness import run as stiffness
+    from comparisons.studies.throughput import run as throughput
     from comparisons.studies.work_precision import run as work_precision
     from comparisons.study import Study as Study
 
@@ -21,12 +26,30 @@ _HOME = {
     "Record": ("record", "Record"),
     "RunSpec": ("record", "RunSpec"),
     "Study": ("study", "Study"),
+    "calibration": ("studies.calibration", "run"),
     "convergence": ("studies.convergence", "run"),
     "execute": ("run", "execute"),
+    "scaling": ("studies.scaling", "run"),
+    "small_steps": ("studies.small_steps", "run"),
+    "solvers": ("studies.solvers", "run"),
     "stiffness": ("studies.stiffness", "run"),
+    "throughput": ("studies.throughput", "run"),
     "work_precision": ("studies.work_precision", "run"),
 }
-__all__ = ["Record", "RunSpec", "Study", "convergence", "execute", "stiffness", "work_precision"]
+__all__ = [
+    "Record",
+    "RunSpec",
+    "Study",
+    "calibration",
+    "convergence",
+    "execute",
+    "scaling",
+    "small_steps",
+    "solvers",
+    "stiffness",
+    "throughput",
+    "work_precision",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -69,16 +69,20 @@ def _parser() -> argparse.ArgumentParser:
     one.set_defaults(action=_run)
     _common(one)
     for name in catalog.names("studies"):
-        study = commands.add_parser(name, help=_summary(name))
+        source = _source(name)
+        study = commands.add_parser(name, help=_summary(source))
         study.add_argument("--engines", metavar="A,B", help="default: all")
         study.add_argument("-o", dest="directory", type=Path, metavar="DIR", help="write figures and records there")
         study.set_defaults(action=_study, study=name)
-        _common(study)
+        _common(study, takes_scene=_takes_scene(source))
     return parser
 
 
-def _common(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", metavar="SCENE", help="one of: " + ", ".join(catalog.names("scenes")))
+def _common(parser: argparse.ArgumentParser, *, takes_scene: bool = True) -> None:
+    if takes_scene:
+        parser.add_argument("scene", metavar="SCENE", help="one of: " + ", ".join(catalog.names("scenes")))
+    else:
+        parser.set_defaults(scene=None)
     parser.add_argument(
         "--set",
         dest="changes",
@@ -90,10 +94,20 @@ def _common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the records there")
 
 
-def _summary(name: str) -> str:
-    """The first line of a study's docstring, read without importing it."""
-    source = (Path(__file__).parent / "studies" / f"{name}.py").read_text(encoding="utf-8")
-    return (ast.get_docstring(ast.parse(source)) or "").split("\n")[0].rstrip(".")
+def _source(name: str) -> ast.Module:
+    """A study's source, read without importing it."""
+    return ast.parse((Path(__file__).parent / "studies" / f"{name}.py").read_text(encoding="utf-8"))
+
+
+def _summary(source: ast.Module) -> str:
+    """The first line of a study's docstring."""
+    return (ast.get_docstring(source) or "").split("\n")[0].rstrip(".")
+
+
+def _takes_scene(source: ast.Module) -> bool:
+    """Whether the study's ``run`` is about a scene that is asked for: its argument ``scene_name``."""
+    runs = [node for node in source.body if isinstance(node, ast.FunctionDef) and node.name == "run"]
+    return any(argument.arg == "scene_name" for run in runs for argument in run.args.args)
 
 
 # ------------------------------------------------------------------ actions
@@ -134,7 +148,8 @@ def _study(options: argparse.Namespace) -> int:
     module = catalog.load("studies", options.study)
     names = options.engines.split(",") if options.engines else None
     scene, settings, rest = _changes(options, names or catalog.names("engines"))
-    study: Study = module.run(options.scene, scene=scene, engines=names, settings=settings, **_arguments(module, rest))
+    asked = {"engines": names, "settings": settings, **_arguments(module, rest)}
+    study: Study = module.run(options.scene, scene=scene, **asked) if options.scene else module.run(**asked)
     if options.json:
         study.to_json(options.json)
     if options.directory:
@@ -174,7 +189,7 @@ def _changes(options: argparse.Namespace, engines: list[str]) -> tuple[dict, dic
     from pbd import fields
     from pbd.errors import unknown
 
-    parameters = catalog.load("scenes", options.scene).Parameters
+    parameters = catalog.load("scenes", options.scene).Parameters if options.scene else None
     scene: dict[str, Any] = {}
     settings: dict[str, dict[str, Any]] = {}
     rest: dict[str, str] = {}
@@ -185,13 +200,13 @@ def _changes(options: argparse.Namespace, engines: list[str]) -> tuple[dict, dic
             raise InvalidInput("--set", change, "of the form KEY=VALUE")
         if not dot:
             rest[key] = text
-        elif owner == "scene":
+        elif owner == "scene" and parameters is not None:
             scene[name] = fields.parse(key, fields.find("scene parameter", name, parameters), text)
         elif owner in engines:
             settings.setdefault(owner, {}).update(_engine_settings(owner, {name: text}))
         else:
             engine.load(owner)
-            raise unknown("--set", owner, ["scene", *engines])
+            raise unknown("--set", owner, [*(["scene"] if parameters else []), *engines])
     return scene, settings, rest
 
 

@@ -25,6 +25,7 @@ class Engine(Protocol):
     PRESETS : name -> changes to the defaults; "default" is what a user gets, {} at least
     describe(settings) : optional, how the settings are named in plots and tables
     VARIANTS : optional, settings shown by the convergence study; else the default and the matched preset
+    calibrate() : optional, list of `record.Finding` that only this engine can show; runs where its runs do
     """
 
     TITLE: str

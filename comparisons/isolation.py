@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from comparisons.record import RunSpec
+from comparisons.record import Finding, RunSpec
 from comparisons.trajectory import Trajectory
+from pbd.errors import InvalidInput
 
 if TYPE_CHECKING:
     from comparisons.run import Bound
@@ -66,6 +67,11 @@ class Worker:
         """Time of one run of ``spec``, and of the empty world in its place [s]; raises `Lost`."""
         answer = self._ask({"task": "time", "spec": msgspec.to_builtins(spec)})
         return answer["seconds"], answer["overhead"]
+
+    def findings(self, engine: str) -> list[Finding]:
+        """What the engine's ``calibrate`` finds, none where it has no such hook; raises `Lost`."""
+        answer = self._ask({"task": "calibrate", "engine": engine})
+        return msgspec.convert(answer["findings"], list[Finding])
 
     def close(self) -> None:
         """End the child."""
@@ -174,19 +180,37 @@ def _serve(requests: Any, answers: Any) -> None:
 
 
 def _answer(request: dict[str, Any]) -> dict[str, Any]:
-    from comparisons import run, scene
+    from comparisons import engine, run
 
+    if request["task"] == "calibrate":
+        os.dup2(1, 2)
+        calibrate = getattr(engine.load(request["engine"]), "calibrate", list)
+        return {"findings": msgspec.to_builtins(calibrate())}
     bound = run.bind(msgspec.convert(request["spec"], RunSpec))
     if bound.adapter.FOREIGN:
         os.dup2(1, 2)  # foreign engines also write to the error stream, from C
     _warm_up(bound, bound.scene)
     out = bound.run()
     if request["task"] == "time":
-        world = scene.empty(bound.scene)
-        _warm_up(bound, world)
-        return {"seconds": out.wall, "overhead": bound.run(world).wall}
+        return {"seconds": out.wall, "overhead": _overhead(bound)}
     arrays = [(np.ascontiguousarray(a).tobytes(), a.shape) for a in (out.times, out.positions, out.velocities)]
     return {"arrays": arrays, "steps": out.steps, "work": out.work, "diverged": out.diverged, "wall": out.wall}
+
+
+def _overhead(bound: Bound) -> float:
+    """Time of the empty world [s], by the preset's settings where the run's own are of no use without a scene."""
+    from comparisons import engine, scene
+
+    world = scene.empty(bound.scene)
+    try:
+        _warm_up(bound, world)
+        return bound.run(world).wall
+    except InvalidInput:
+        spec = msgspec.structs.replace(bound.spec, settings={"dt": bound.settings.dt})
+        settings = engine.make_settings(spec.engine, spec.preset, spec.settings)
+        usual = msgspec.structs.replace(bound, spec=spec, settings=settings)
+        _warm_up(usual, world)
+        return usual.run(world).wall
 
 
 def _warm_up(bound: Bound, world: Scene) -> None:

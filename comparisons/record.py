@@ -55,6 +55,16 @@ class Value(msgspec.Struct, frozen=True):
     unit: str
 
 
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """What calibration found in an engine: what was asked, the closed form's value, the engine's, and in words."""
+
+    what: str
+    expected: float
+    found: float
+    unit: str
+    verdict: str
+
+
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended: a code of STATUSES; when not ok the step, the quantity and what to do."""
 

@@ -17,7 +17,18 @@ from comparisons.fit import Fit
 from comparisons.record import SCHEMA, Record
 from pbd.errors import InvalidInput, unknown
 
-PACKAGES = ("pbdbench", "numpy", "scipy", "numba", "llvmlite", "pymunk", "pybullet", "matplotlib")
+PACKAGES = (
+    "pbdbench",
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "pymunk",
+    "pybullet",
+    "mujoco-core",
+    "pypbd",
+    "matplotlib",
+)
 
 
 class Head(msgspec.Struct, frozen=True, kw_only=True):
@@ -79,6 +90,18 @@ class Winner(msgspec.Struct, frozen=True, kw_only=True):
     seconds: dict[str, float]
 
 
+class Table(msgspec.Struct, frozen=True, kw_only=True):
+    """Results in words and numbers: a title, the columns' headings, the rows."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str]]
+
+    def text(self) -> str:
+        """The table as aligned text under its title."""
+        return f"{self.title}\n{aligned([self.columns, *self.rows])}"
+
+
 class Study(msgspec.Struct, frozen=True, kw_only=True):
     """A finished study; ``subject`` is its scene in a few words."""
 
@@ -94,6 +117,7 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
     omissions: list[Omission] = []
     sentences: list[str] = []
     winners: list[Winner] = []
+    tables: list[Table] = []
 
     def fit(
         self, engine: str, *, panel: str | None = None, method: str | None = None, preset: str | None = None
@@ -116,12 +140,14 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
         return math.nan if order is None else order
 
     def table(self) -> str:
+        """The study's tables, if it has any, or else its records, as aligned text."""
+        return "\n\n".join(table.text() for table in self.tables) or self.record_table()
+
+    def record_table(self) -> str:
         """All records as aligned text, one a line."""
         names = sorted({name for record in self.records for name in record.metrics})
         header = ["engine", "variant", "dt [s]", "steps", "status", *names, "time [s]"]
-        rows = [header, *(_row(record, names) for record in self.records)]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(header))]
-        return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+        return aligned([header, *(_row(record, names) for record in self.records)])
 
     def to_json(self, path: str | Path) -> None:
         """Write the study; an existing file is replaced at once, never rewritten in place."""
@@ -181,6 +207,12 @@ def label(record: Record) -> str:
     """How a line of such records is named: engine and settings."""
     adapter = engines.load(record.engine)
     return variant(record) if hasattr(adapter, "describe") else f"{adapter.TITLE}, {variant(record)}"
+
+
+def aligned(rows: list[list[str]]) -> str:
+    """Rows of equally many cells as text with columns below each other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
 
 
 def duration(seconds: float) -> str:

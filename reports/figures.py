@@ -28,6 +28,9 @@ PANEL = (4.3, 3.3)
 MANY_DECADES = 1e5
 """Ratio of the ends of an axis beyond which minor ticks are only noise."""
 
+ROOM = 30.0
+"""Ratio of the ends of a horizontal axis on which labels at 1, 2 and 5 still stand apart."""
+
 LEGEND = 2.4
 """Width [inches] of the legend."""
 
@@ -144,7 +147,7 @@ def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
 
 def _ticks(axis: Any, ratio: float) -> None:
     """Decades where there are several, else 1, 2, 5, or equal distances, as plain numbers."""
-    if ratio > 100.0:
+    if ratio > (ROOM if axis.axis_name == "x" else 100.0):
         axis.set_major_locator(LogLocator(numticks=7))
         axis.set_minor_locator(NullLocator() if ratio > MANY_DECADES else LogLocator(subs="auto"))
     elif ratio > 5.0:

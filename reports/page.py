@@ -60,9 +60,11 @@ def write(chapters: Sequence[Chapter], directory: Path) -> Path:
 
 
 def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
-    """One figure for each panel that the chapter's studies share; a single study is one figure."""
+    """One figure for each panel that the chapter's studies share; a single study is one figure, or none."""
     if len(chapter.studies) == 1:
         study = chapter.studies[0]
+        if not study.panels:
+            return []
         cells = [(study, panel.name, panel.title) for panel in study.panels]
         return [_picture(cells, chapter.heading, "", directory)]
     titles = {panel.name: panel.title for study in chapter.studies for panel in study.panels}

@@ -11,6 +11,9 @@ COLOURS = {
     "symplectic_euler": "#E69F00",
     "pybullet": "#009E73",
     "pymunk": "#D55E00",
+    "mujoco": "#56B4E9",
+    "pypbd": "#CC79A7",
+    "shake": "#5D3A9B",
     "dop853": "#444444",
 }
 TITLES = {
@@ -18,10 +21,13 @@ TITLES = {
     "symplectic_euler": "symplectic Euler",
     "pybullet": "pybullet",
     "pymunk": "pymunk",
+    "mujoco": "MuJoCo",
+    "pypbd": "pyPBD",
+    "shake": "SHAKE",
     "dop853": "DOP853",
     "": "none in the budget",
 }
-OTHER = "#CC79A7"
+OTHER = "#8C564B"
 CLOSED_FORM = "#999999"
 
 LINES = ("-", "--", ":", "-.")

@@ -1,4 +1,4 @@
-"""The two formulations of a serial planar chain in PyBullet.
+"""The two formulations of a serial planar chain in PyBullet, and free point masses.
 
 Angles are those of `comparisons.reference`: from straight down, so that a link points along
 u = (sin, -cos), and its far end turns along t = (cos, sin).
@@ -197,3 +197,45 @@ class PointToPoint(Chain):
         v = rates[..., :2] + (self.far * rates[..., 2])[..., None] * t
         pinned = np.zeros((count, len(self.anchor), 2))
         return np.concatenate([pinned + self.anchor, x], axis=1), np.concatenate([pinned, v], axis=1)
+
+
+class FreeMasses:
+    """Point masses without links; coordinates (x, y) of each. Reduced coordinates are the engine's default."""
+
+    def __init__(self, client: int, scene: Scene, settings: Any) -> None:
+        import pybullet as bullet
+
+        self.client, self._shape = client, scene.masses.positions.shape
+        mass = np.where(scene.masses.free, scene.masses.masses, 0.0)
+        is_maximal = settings.formulation == "point_to_point"
+        self._bodies = [
+            bullet.createMultiBody(
+                baseMass=float(m),
+                baseCollisionShapeIndex=-1,
+                useMaximalCoordinates=int(is_maximal),
+                physicsClientId=client,
+            )
+            for m in mass
+        ]
+        for body, m in zip(self._bodies, mass):
+            change = {"mass": float(m), "linearDamping": settings.damping, "angularDamping": settings.damping}
+            bullet.changeDynamics(body, -1, **change, physicsClientId=client)
+        self.write(scene.masses.positions.ravel(), scene.masses.velocities.ravel())
+
+    def read(self) -> np.ndarray:
+        import pybullet as bullet
+
+        places = [bullet.getBasePositionAndOrientation(body, self.client)[0][:2] for body in self._bodies]
+        rates = [bullet.getBaseVelocity(body, self.client)[0][:2] for body in self._bodies]
+        return np.array([places, rates]).reshape(2, -1)
+
+    def write(self, coordinates: np.ndarray, rates: np.ndarray) -> None:
+        import pybullet as bullet
+
+        for body, x, v in zip(self._bodies, coordinates.reshape(-1, 2), rates.reshape(-1, 2)):
+            bullet.resetBasePositionAndOrientation(body, [*map(float, x), 0.0], UNROTATED, self.client)
+            bullet.resetBaseVelocity(body, [*map(float, v), 0.0], [0.0, 0.0, 0.0], self.client)
+
+    def ends(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, v = states.reshape(len(states), 2, *self._shape).swapaxes(0, 1)
+        return x.copy(), v.copy()

@@ -1,4 +1,4 @@
-"""PyBullet: Bullet in double precision, through its in-process client. Rigid serial planar chains only.
+"""PyBullet: Bullet in double precision, through its in-process client. Rigid serial planar chains and free masses.
 
 A step kicks first and moves after: v <- v + h a(x, v), then x <- x + h v. With ``half_kick`` v lives
 half a step before x: leapfrog. The scene's plane is z = 0. Two formulations of a chain:
@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 from comparisons.engines._checks import check_scene
-from comparisons.engines._pybullet_worlds import Articulated, PointToPoint, World
+from comparisons.engines._pybullet_worlds import Articulated, FreeMasses, PointToPoint, World
+from comparisons.record import Finding
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory, from_samples
 from pbd import fields
@@ -94,7 +95,7 @@ def unsupported(scene: Scene, settings: Settings) -> str:
         return "the adapter embeds planar scenes only"
     if scene.of(Springs):
         return "pybullet has no compliant distance joint"
-    if n < 0:
+    if n < 0 or not links:
         return ""
     serial = np.column_stack([np.arange(n), np.arange(1, n + 1)])
     if masses.pinned != (0,) or len(links) != 1 or not isinstance(links[0], Rods):
@@ -120,7 +121,7 @@ def sweep(scene: Scene) -> list[dict[str, Any]]:
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the world in a client of its own, which disconnects when the returned run is dropped: never timed."""
     check_scene(scene)
-    bullet = _load()
+    bullet = load()
     client = bullet.connect(bullet.DIRECT)
     try:
         run = _runner(_build(client, scene, settings), scene, settings)
@@ -131,7 +132,13 @@ def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     return run
 
 
-def _load() -> Any:
+def calibrate() -> list[Finding]:
+    from comparisons.engines._pybullet_findings import find
+
+    return find()
+
+
+def load() -> Any:
     """The package; what it writes to standard error from C when imported goes nowhere."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
@@ -156,11 +163,16 @@ def _build(client: int, scene: Scene, settings: Settings) -> World:
         erp=settings.erp,
         physicsClientId=client,
     )
-    kind = Articulated if _articulated(len(scene.masses.masses) - 1, settings) else PointToPoint
-    world = kind(client, scene, settings)
+    world = _kind(scene, settings)(client, scene, settings)
     if settings.half_kick:
         _half_kick(world, settings.dt)
     return world
+
+
+def _kind(scene: Scene, settings: Settings) -> Callable[..., World]:
+    if len(scene.masses.masses) and not scene.links:
+        return FreeMasses
+    return Articulated if _articulated(len(scene.masses.masses) - 1, settings) else PointToPoint
 
 
 def _half_kick(world: World, dt: float) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.engines._checks import beyond_rods_and_springs, check_scene
+from comparisons.record import Finding
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory, from_samples
 from pbd import fields
@@ -105,6 +106,12 @@ def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
         return from_samples(times, positions, velocities, every * scene.samples)
 
     return run
+
+
+def calibrate() -> list[Finding]:
+    from comparisons.engines._pymunk_findings import find
+
+    return find()
 
 
 def _build(scene: Scene, settings: Settings) -> tuple[Any, list[Any]]:

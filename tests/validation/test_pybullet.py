@@ -208,7 +208,7 @@ def test_default_clamps_joint_rates_at_100():
 
 
 def test_articulated_limit_is_where_pybullet_drops_links_silently():
-    bullet = adapter._load()
+    bullet = adapter.load()
     client, n = bullet.connect(bullet.DIRECT), adapter.MAX_ARTICULATED_LINKS + 1
     try:
         body = bullet.createMultiBody(
@@ -255,7 +255,7 @@ def test_empty_world_does_the_same_steps(preset):
 
 
 def test_a_run_closes_its_client():
-    bullet = adapter._load()
+    bullet = adapter.load()
     runs = [adapter.prepare(chain(1), adapter.Settings()) for _ in range(2)]
     clients = [i for i in range(20) if bullet.isConnected(i)]
     assert len(clients) >= 2
