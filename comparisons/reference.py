@@ -1,8 +1,8 @@
 """High-accuracy references: scipy's DOP853 on the scene's own equations of motion.
 
-Rigid serial chains are integrated in minimal coordinates, the link angles, at O(N) a right-hand side;
-everything with springs in Cartesian coordinates. The integration restarts at each sample time,
-because DOP853's dense output is only of order 7.
+Rigid serial chains are integrated in minimal coordinates, the link angles, at O(N) a right-hand side, a free rigid pair
+in those of its centre and its angle; everything with springs in Cartesian coordinates. The integration restarts at each
+sample time, because DOP853's dense output is only of order 7.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.linalg.lapack import dptsv
+from scipy.sparse import csr_array
 
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory
@@ -35,9 +36,11 @@ def solve(scene: Scene, rtol: float = RTOL, atol: float = ATOL) -> Trajectory:
     return _integrate(scene, equations, equations.initial, rtol, atol)
 
 
-def form(scene: Scene) -> ChainAngles | Cartesian:
+def form(scene: Scene) -> ChainAngles | RigidPair | Cartesian:
     """The scene's equations of motion; raises `NoReference` where no form fits."""
-    return ChainAngles(scene) if scene.of(Rods) else Cartesian(scene)
+    if not scene.of(Rods):
+        return Cartesian(scene)
+    return ChainAngles(scene) if scene.masses.pinned else RigidPair(scene)
 
 
 def horizon(scene: Scene) -> float:
@@ -52,7 +55,9 @@ def horizon(scene: Scene) -> float:
     return float(scene.times[late[0]]) if len(late) else np.inf
 
 
-def _integrate(scene: Scene, form: ChainAngles | Cartesian, start: np.ndarray, rtol: float, atol: float) -> Trajectory:
+def _integrate(
+    scene: Scene, form: ChainAngles | RigidPair | Cartesian, start: np.ndarray, rtol: float, atol: float
+) -> Trajectory:
     times, y, steps = scene.times, start, 0
     positions = np.empty((len(times), *scene.masses.positions.shape))
     velocities = np.empty_like(positions)
@@ -71,7 +76,7 @@ def _integrate(scene: Scene, form: ChainAngles | Cartesian, start: np.ndarray, r
     return Trajectory(times, positions, velocities, steps)
 
 
-def integrate_dense(scene: Scene, form: ChainAngles | Cartesian, rtol: float, atol: float) -> Trajectory:
+def integrate_dense(scene: Scene, form: ChainAngles | RigidPair | Cartesian, rtol: float, atol: float) -> Trajectory:
     """As an analyst would: one integration, the samples from the dense output."""
     times = scene.times
     out = solve_ivp(form.derivative, times[[0, -1]], form.initial, "DOP853", times, rtol=rtol, atol=atol)
@@ -141,6 +146,35 @@ class ChainAngles:
         return x, v
 
 
+class RigidPair:
+    """Two free masses on one rod in the plane: y = (centre, theta, their rates); the angle turns at a constant rate."""
+
+    positions = np.repeat([1.0, 0.0], 3)
+
+    def __init__(self, scene: Scene) -> None:
+        masses = scene.masses
+        if len(scene.links) != 1 or masses.positions.shape != (2, 2) or len(scene.links[0].lengths) != 1:
+            raise NoReference("free rods need one planar pair of masses")
+        x, v, share = masses.positions, masses.velocities, masses.masses / masses.masses.sum()
+        arm, rate = x[1] - x[0], v[1] - v[0]
+        self.length = float(scene.links[0].lengths[0])
+        if not np.isclose(np.linalg.norm(arm), self.length, rtol=1e-12):
+            raise NoReference("a rigid pair that starts stretched has no smooth motion")
+        self.gravity, self.offsets = scene.gravity, np.array([[-share[1]], [share[0]]])
+        spin = (arm[0] * rate[1] - arm[1] * rate[0]) / self.length**2
+        self.initial = np.array([*(share @ x), np.arctan2(arm[1], arm[0]), *(share @ v), spin])
+
+    def derivative(self, _: float, y: np.ndarray) -> np.ndarray:
+        """y' = (v, theta', g, 0)."""
+        return np.concatenate([y[3:], self.gravity, [0.0]])
+
+    def cartesian(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (2, 2) of both particles."""
+        along = self.length * np.array([np.cos(y[2]), np.sin(y[2])])
+        across = y[5] * np.array([-along[1], along[0]])
+        return y[:2] + self.offsets * along, y[3:5] + self.offsets * across
+
+
 class Cartesian:
     """Free particles under gravity and springs: y = (x, v), forces -C/alpha along each spring."""
 
@@ -152,6 +186,7 @@ class Cartesian:
         self.gravity = np.where(self.free, scene.gravity, 0.0)
         self.w = np.where(self.free[:, 0], 1.0 / scene.masses.masses, 0.0)[:, None]
         self.springs: list[Springs] = scene.of(Springs)
+        self.ends = [_ends(springs.pairs, len(self.w)) for springs in self.springs]
         self.initial = np.concatenate([scene.masses.positions.ravel(), scene.masses.velocities.ravel()])
         self.positions = np.concatenate(
             [np.repeat(self.free[:, 0], self.shape[1]), np.zeros(self.free.size * self.shape[1])]
@@ -161,16 +196,22 @@ class Cartesian:
         """y' = (v, g + w f)."""
         x, v = y.reshape(2, *self.shape)
         force = np.zeros(self.shape)
-        for springs in self.springs:
+        for springs, ends in zip(self.springs, self.ends):
             i, j = springs.pairs.T
             difference = x[i] - x[j]
             length = np.sqrt(np.sum(difference**2, axis=1))
             pull = ((length - springs.lengths) / (springs.compliances * length))[:, None] * difference
-            np.add.at(force, i, -pull)
-            np.add.at(force, j, pull)
+            force -= ends @ pull
         return np.concatenate([v.ravel(), (self.gravity + self.w * force).ravel()])
 
     def cartesian(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (n, d) of all particles."""
         x, v = y.reshape(2, *self.shape)
         return x, v
+
+
+def _ends(pairs: np.ndarray, n: int) -> csr_array:
+    """(n, m) signs: 1 where a particle is the first of a pair, -1 where it is the second."""
+    m = len(pairs)
+    signs = np.repeat([1.0, -1.0], m)
+    return csr_array((signs, (pairs.T.ravel(), np.tile(np.arange(m), 2))), shape=(n, m))

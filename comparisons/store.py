@@ -13,14 +13,16 @@ import platform
 import sqlite3
 import sys
 import threading
+from collections.abc import Callable
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from comparisons import engine
+from comparisons import engine, exact_projection, minimiser
 from comparisons import reference as references
 from comparisons.record import SCHEMA, Record, RunSpec
 from comparisons.scene import Scene
@@ -133,19 +135,45 @@ def _engine_version(name: str) -> str:
 
 def reference(scene: Scene) -> tuple[np.ndarray, float]:
     """(positions (s, n, d) [m] of the scene's reference, its predictability horizon [s]); computed once."""
-    key = f"reference {environment()} {_digest(scene)}"
-    value = _get(key)
-    if value is None:
+
+    def solve() -> dict[str, Any]:
         solved = references.solve(scene)
         if solved.diverged:
             raise references.NoReference(f"DOP853 broke off at {solved.times[-1]:g} s: {solved.diverged}")
-        positions, limit = solved.positions, references.horizon(scene)
+        return {"positions": solved.positions, "horizon": np.array(references.horizon(scene))}
+
+    found = _arrays(f"reference {environment()} {_digest(scene)}", solve)
+    return found["positions"], float(found["horizon"])
+
+
+def static_state(scene: Scene) -> np.ndarray:
+    """(n, d) positions [m] of the scene's static state; computed once."""
+    key = f"static state {environment()} {_digest(scene)}"
+    return _arrays(key, lambda: {"positions": minimiser.static_state(scene).positions})["positions"]
+
+
+def projection(scene: Scene) -> np.ndarray:
+    """(n, d) positions [m] of the exact projection of the scene's start; computed once."""
+    key = f"projection {environment()} {_digest(scene)}"
+    return _arrays(key, lambda: {"positions": exact_projection.project(scene).positions})["positions"]
+
+
+def implicit_euler(scene: Scene, dt: float) -> np.ndarray:
+    """(s, n, d) positions [m] of the scene's motion by implicit Euler with steps of dt [s]; computed once."""
+    key = f"implicit Euler {dt!r} {environment()} {_digest(scene)}"
+    return _arrays(key, lambda: {"positions": minimiser.implicit_euler(scene, dt).positions})["positions"]
+
+
+def _arrays(key: str, make: Callable[[], dict[str, Any]]) -> dict[str, np.ndarray]:
+    """The arrays kept under ``key``, made where there are none."""
+    value = _get(key)
+    if value is None:
         buffer = io.BytesIO()
-        np.savez(buffer, positions=positions, horizon=limit)
+        np.savez(buffer, **make())
         value = buffer.getvalue()
         _put(key, value)
     with np.load(io.BytesIO(value), allow_pickle=False) as arrays:
-        return arrays["positions"], float(arrays["horizon"])
+        return {name: arrays[name] for name in arrays.files}
 
 
 def _digest(scene: Scene) -> str:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory
@@ -29,12 +31,14 @@ class Subject:
     @cached_property
     def extensions(self) -> np.ndarray:
         """(s, m) length minus rest length of all links [m]."""
-        x = self.trajectory.positions
-        columns = [
-            np.linalg.norm(x[:, link.pairs[:, 0]] - x[:, link.pairs[:, 1]], axis=2) - link.lengths
-            for link in self.scene.links
-        ]
-        return np.hstack(columns) if columns else np.zeros((len(x), 0))
+        columns = [self._lengths(link) - link.lengths for link in self.scene.links]
+        return np.hstack(columns) if columns else np.zeros((len(self.trajectory.times), 0))
+
+    def _lengths(self, link: Rods | Springs) -> np.ndarray:
+        """(s, m) lengths [m]; sample by sample, because the differences of a large cloth's would fill the memory."""
+        i, j = link.pairs.T
+        rows = [np.linalg.norm(x[i] - x[j], axis=1) for x in self.trajectory.positions]
+        return np.array(rows).reshape(-1, len(link.lengths))
 
     @cached_property
     def energy(self) -> np.ndarray:
@@ -44,19 +48,29 @@ class Subject:
         x, v = self.trajectory.positions, self.trajectory.velocities
         total = 0.5 * np.sum(v**2, axis=2) @ m - (x @ scene.gravity) @ m
         for spring in scene.of(Springs):
-            length = np.linalg.norm(x[:, spring.pairs[:, 0]] - x[:, spring.pairs[:, 1]], axis=2)
-            total = total + 0.5 * np.sum((length - spring.lengths) ** 2 / spring.compliances, axis=1)
+            total = total + 0.5 * np.sum((self._lengths(spring) - spring.lengths) ** 2 / spring.compliances, axis=1)
         return total
 
     @cached_property
     def energy_scale(self) -> float:
         """What an energy error is measured in [J]: m g L of all that can fall, or the energy at the start."""
         scene, masses = self.scene, self.scene.masses
-        reach = sum(float(np.sum(link.lengths)) for link in scene.links)
-        fall = float(np.sum(masses.masses[masses.free])) * float(np.linalg.norm(scene.gravity)) * reach
+        fall = float(np.sum(masses.masses[masses.free])) * float(np.linalg.norm(scene.gravity)) * reach(scene)
         return max(fall, abs(float(self.energy[0]))) or 1.0
 
     @property
     def rods(self) -> list[Rods]:
         """The rigid links."""
         return self.scene.of(Rods)
+
+
+def reach(scene: Scene) -> float:
+    """L [m]: how far along links at rest length the farthest particle is from what is pinned, or from the first."""
+    if not scene.links:
+        return 0.0
+    n = len(scene.masses.masses)
+    i, j = np.concatenate([link.pairs for link in scene.links]).T
+    graph = csr_array((np.concatenate([link.lengths for link in scene.links]), (i, j)), shape=(n, n))
+    held = list(scene.masses.pinned) or [0]
+    far = dijkstra(graph, directed=False, indices=held, min_only=True)
+    return float(far[np.isfinite(far)].max())

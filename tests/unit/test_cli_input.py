@@ -109,6 +109,25 @@ CASES = {
     "duration zero": (one("scene.duration=0"), ["scene.duration = 0.0", "> 0"]),
     "no samples": (one("scene.samples=0"), ["scene.samples = 0", ">= 1"]),
     "1e9 samples": (one("scene.samples=1e9"), ["scene.samples = 1000000000", "<= 1e+06"]),
+    "cloth of one particle": (one("scene.size=1", scene="hanging_cloth"), ["scene.size = 1", ">= 2 and <= 512"]),
+    "cloth too large": (one("scene.size=1e6", scene="hanging_cloth"), ["scene.size = 1000000", "<= 512"]),
+    "cloth without mass": (one("scene.density=0", scene="hanging_cloth"), ["scene.density = 0.0", "> 0", "kg/m^2"]),
+    "cloth without side": (one("scene.side=0", scene="hanging_cloth"), ["scene.side = 0.0", ">= 1e-06", " m"]),
+    "cloth pinned nowhere": (
+        one("scene.pinned=corner", scene="hanging_cloth"),
+        ["scene.pinned = 'corner'", "one of corners, edge, none", "did you mean 'corners'?"],
+    ),
+    "cloth bent otherwise": (
+        one("scene.bending=two_cells", scene="hanging_cloth"),
+        ["scene.bending = 'two_cells'", "did you mean 'two_cell'?"],
+    ),
+    "cloth started askew": (one("scene.start=askew", scene="hanging_cloth"), ["scene.start", "horizontal, vertical"]),
+    "cloth of half a flag": (one("scene.diagonals=maybe", scene="hanging_cloth"), ["true or false"]),
+    "cloth stretched by NaN": (one("scene.stretch=nan", scene="hanging_cloth"), ["scene.stretch = nan", "<= 10"]),
+    "cloth half rigid": (
+        one("scene.bending_compliance=1e-3", scene="hanging_cloth"),
+        ["scene.compliance = [0.0, 0.0, 0.0, 0.001]", "0 for all kinds of links or > 0 for all"],
+    ),
     # names
     "scene unknown": (one(scene="pendulum_chian"), ["scene = 'pendulum_chian'", "did you mean 'pendulum_chain'?"]),
     "engine unknown": (one(engine="pymnk"), ["engine = 'pymnk'", "one of", "did you mean 'pymunk'?"]),
