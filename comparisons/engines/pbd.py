@@ -36,7 +36,7 @@ class Settings:
     damping: float = fields.real(0.0, "1", 0.0, 1.0, "k_damp of the plain velocity damping")
     solver: str = fields.choice("gauss_seidel", SOLVERS, "of the constraints of a sub-step")
     order: str = fields.choice("natural", ORDERS, "of the constraints in a Gauss-Seidel sweep")
-    levels: int = fields.whole(32, 0, 32, "coarse levels at most, of the multilevel solver")
+    levels: int = fields.whole(64, 0, 64, "coarse levels at most, of the multilevel solver")
     precision: str = fields.choice("float64", PRECISIONS, "of positions, velocities and projections")
 
     def __post_init__(self) -> None:

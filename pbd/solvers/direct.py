@@ -7,9 +7,10 @@ evaluation. With e the vectors along which links pull (d itself in PBD; d at the
     T l = -C,   T_cc = (w_c + w_(c+1)) d_c . e_c,   T_c,c+1 = -w_(c+1) d_c . e_(c+1),   T_c,c-1 = -w_c d_c . e_(c-1)
     p_c <- p_c + w_c (e_c l_c - e_(c-1) l_(c-1))
 
-T is eliminated from both ends towards the middle, two independent recurrences, since each waits for its division
-(22 cycles a link). SHAKE's multipliers are smooth in time, so they are predicted by quadratic extrapolation from
-the last three steps; one Newton iteration then mostly suffices.
+T is made and eliminated in one pass, from both ends towards the middle: two independent recurrences, since each
+waits for its division (some 22 cycles a link), and the rows are made meanwhile. No pivoting: T is definite as long as
+links turn by less than a right angle in a step. SHAKE's multipliers are smooth in time, so they are predicted by
+quadratic extrapolation from the last three steps; one Newton iteration then mostly suffices.
 """
 
 from __future__ import annotations
@@ -25,10 +26,9 @@ from pbd.arrangement import Arrangement, Problem, bind_laws, is_empty, is_rigid_
 from pbd.constraints.distance import Distance, Path
 from pbd.errors import InvalidInput
 from pbd.frozen import Frozen, Tangent
-from pbd.intrinsics import typed
+from pbd.intrinsics import multiply_add, typed
 from pbd.jit import device, device_sum
-from pbd.solvers.tridiagonal import Tridiagonal, eliminate
-from pbd.vector import Store, copy, dot, load, zeros
+from pbd.vector import Store, dot, load, subtract, zeros
 
 TOLERANCE = 1e-15
 """Of the squared length: a residual |D|^2/2 below it is round-off; one unit in the last place of L^2 is 2.2e-16."""
@@ -82,25 +82,26 @@ def _check_apart(batches: tuple) -> None:
 
 
 class Chain(NamedTuple):
-    """Work arrays of one chain of m links.
+    """Work arrays of one chain of m links, with a link of length 0 before the first and after the last.
 
-    link, pull : stores (m,) of d and e;  matrix : T;  multiplier (m,) : l of this step
-    past (stages, HISTORY, m) : l of the last steps, newest first
-    turn (2,) : the sub-step, and how many steps are known
+    link : store (m + 2,) of e, the links as they pull
+    coupling, multiplier (m + 2,) : what elimination leaves, then l of this solve
+    total (m,) : SHAKE's l of this step;  past (stages, HISTORY, m) : of the last steps, in turn
+    turn (3,) : the sub-step, the place in ``past`` to write next, and how many steps are known
     """
 
     link: Store
-    pull: Store
-    matrix: Tridiagonal
+    coupling: np.ndarray
     multiplier: np.ndarray
+    total: np.ndarray
     past: np.ndarray
     turn: np.ndarray
 
 
 def _workspace(links: int, dimension: int, stages: int) -> Chain:
-    matrix = Tridiagonal(*(np.zeros(links) for _ in range(4)))
-    past, turn = np.zeros((stages, HISTORY, links)), np.zeros(2, dtype=np.int64)
-    return Chain(zeros(links, dimension), zeros(links, dimension), matrix, np.zeros(links), past, turn)
+    link, (coupling, multiplier) = zeros(links + 2, dimension), zeros(links + 2, 2)
+    past, turn = np.zeros((stages, HISTORY, links)), np.zeros(3, dtype=np.int64)
+    return Chain(link, coupling, multiplier, np.zeros(links), past, turn)
 
 
 class ChainSolver(NamedTuple):
@@ -145,12 +146,11 @@ def solve_current(batch, chain, state, h):
     """PBD with an exact solve: links pull along themselves, at the iterate p."""
     w, p = state.particles.w, state.particles.p
     for _ in range(MOST):
-        links_of(batch, p, chain.link)
-        assemble(batch, chain, chain.link, w)
-        eliminate(chain.matrix)
-        pull(batch, p, chain.link, chain.matrix.right, w, 1.0)
+        copy_links(batch, p, chain.link)
+        eliminate(batch, chain, p, w)
         state.work[0] += batch.rest.shape[0]
-        if left(batch, chain.link, chain.matrix.right, w) <= TOLERANCE:
+        pull(batch, chain, p, w, 1.0)
+        if left(batch, chain, w) <= TOLERANCE:
             return
     state.work[1] += 1
 
@@ -158,125 +158,202 @@ def solve_current(batch, chain, state, h):
 @device
 def solve_frozen(frozen, chain, state, h):
     """SHAKE: links pull as they stood at the start of the step; the impulses are added to v."""
-    batch, w, p = frozen.batch, state.particles.w, state.particles.p
-    links_of(batch, frozen.start, chain.pull)
+    batch, w, p, v = frozen.batch, state.particles.w, state.particles.p, state.particles.v
+    copy_links(batch, frozen.start, chain.link)
     extrapolate(chain)
-    pull(batch, p, chain.pull, chain.multiplier, w, 1.0)
+    pull_both(batch, chain, p, v, w, 1.0 / h)
     solved = False
     for _ in range(MOST):
-        links_of(batch, p, chain.link)
-        assemble(batch, chain, chain.pull, w)
-        eliminate(chain.matrix)
-        pull(batch, p, chain.pull, chain.matrix.right, w, 1.0)
-        for c in range(chain.multiplier.shape[0]):
-            chain.multiplier[c] += chain.matrix.right[c]
+        eliminate(batch, chain, p, w)
         state.work[0] += batch.rest.shape[0]
-        solved = left(batch, chain.pull, chain.matrix.right, w) <= TOLERANCE
+        pull_both(batch, chain, p, v, w, 1.0 / h)
+        for c in range(chain.total.shape[0]):
+            chain.total[c] += chain.multiplier[c + 1]
+        solved = left(batch, chain, w) <= TOLERANCE
         if solved:
             break
     state.work[1] += 0 if solved else 1
-    pull(batch, state.particles.v, chain.pull, chain.multiplier, w, 1.0 / h)
     remember(chain)
 
 
 @device
 def solve_tangent(tangent, chain, state, h):
-    """Velocities that change no length: d_c . (v_c - v_(c+1)) = 0, which is linear."""
+    """Velocities that change no length: e_c . (v_c - v_(c+1)) = 0, which is linear."""
     batch, w, v = tangent.batch, state.particles.w, state.particles.v
-    links_of(batch, tangent.at, chain.pull)
-    links_of(batch, v, chain.link)
-    for c in range(batch.rest.shape[0]):
-        chain.multiplier[c] = dot(load(chain.pull, c), load(chain.link, c))
-    copy(chain.link, chain.pull)
-    assemble(batch, chain, chain.pull, w)
-    for c in range(batch.rest.shape[0]):
-        chain.matrix.right[c] = -chain.multiplier[c]
-    eliminate(chain.matrix)
-    pull(batch, v, chain.pull, chain.matrix.right, w, 1.0)
+    copy_links(batch, tangent.at, chain.link)
+    eliminate_rates(batch, chain, tangent.at, v, w)
+    pull(batch, chain, v, w, 1.0)
     state.work[0] += batch.rest.shape[0]
 
 
 @device
-def links_of(batch, x, links):
-    """d_c = x_c - x_(c+1), into ``links``."""
+def copy_links(batch, x, links):
+    """e_c <- x_c - x_(c+1)."""
     first = batch.pairs.first
     for k in range(len(x)):
         for c in range(batch.rest.shape[0]):
             i = first + np.uint64(c)
-            links[k][c] = x[k][i] - x[k][i + np.uint64(1)]
+            links[k][c + 1] = x[k][i] - x[k][i + np.uint64(1)]
+
+
+# ------------------------------------------------------------------ elimination
 
 
 @device
-def assemble(batch, chain, pulls, w):
-    """T and -C for links d = chain.link that pull along e = ``pulls``."""
-    lower, diagonal, upper, right = chain.matrix
-    first, last = batch.pairs.first, batch.rest.shape[0] - 1
-    for c in range(last + 1):
-        link = load(chain.link, c)
-        i = first + np.uint64(c)
-        diagonal[c] = (w[i] + w[i + np.uint64(1)]) * dot(link, load(pulls, c))
-        right[c] = 0.5 * (batch.rest[c] * batch.rest[c] - dot(link, link))
+def matrix_row(batch, chain, c, link, w):
+    """(lower, diagonal, upper) of row c of T, for d = ``link``; 0 beyond the ends, where e is 0."""
+    i = batch.pairs.first + np.uint64(c)
+    one, other = w[i], w[i + np.uint64(1)]
+    lower = -one * dot(link, load(chain.link, c))
+    diagonal = (one + other) * dot(link, load(chain.link, c + 1))
+    return lower, diagonal, -other * dot(link, load(chain.link, c + 2))
+
+
+@device
+def link_at(batch, c, x):
+    """x_c - x_(c+1)."""
+    i = batch.pairs.first + np.uint64(c)
+    return subtract(load(x, i), load(x, i + np.uint64(1)))
+
+
+@device
+def excess(batch, c, link):
+    """-C = (L^2 - |d|^2)/2."""
+    return 0.5 * multiply_add(batch.rest[c], batch.rest[c], -dot(link, link))
+
+
+@device
+def eliminate(batch, chain, p, w):
+    """Solve T l = -C(p); the solution stands in chain.multiplier, shifted by one."""
+    last = batch.rest.shape[0] - 1
+    middle = last // 2
+    low = high = low_right = high_right = 0.0
+    for k in range(last - middle):
+        c = last - k
+        link = link_at(batch, c, p)
+        lower, diagonal, upper = matrix_row(batch, chain, c, link, w)
+        high, high_right = eliminated(chain, c, lower, diagonal, upper, excess(batch, c, link), high, high_right)
+        if k < middle:
+            link = link_at(batch, k, p)
+            lower, diagonal, upper = matrix_row(batch, chain, k, link, w)
+            low, low_right = eliminated(chain, k, upper, diagonal, lower, excess(batch, k, link), low, low_right)
+    link = link_at(batch, middle, p)
+    lower, diagonal, upper = matrix_row(batch, chain, middle, link, w)
+    right = excess(batch, middle, link) - lower * low_right - upper * high_right
+    substitute(chain, middle, last, right / (diagonal - lower * low - upper * high))
+
+
+@device
+def eliminate_rates(batch, chain, x, v, w):
+    """Solve T l = -e . (v_c - v_(c+1)), with T at x."""
+    last = batch.rest.shape[0] - 1
+    low = low_right = 0.0
     for c in range(last):
-        shared = w[first + np.uint64(c + 1)]
-        upper[c] = -shared * dot(load(chain.link, c), load(pulls, c + 1))
-        lower[c + 1] = -shared * dot(load(chain.link, c + 1), load(pulls, c))
+        link = link_at(batch, c, x)
+        lower, diagonal, upper = matrix_row(batch, chain, c, link, w)
+        low, low_right = eliminated(chain, c, upper, diagonal, lower, -dot(link, link_at(batch, c, v)), low, low_right)
+    link = link_at(batch, last, x)
+    lower, diagonal, _ = matrix_row(batch, chain, last, link, w)
+    right = -dot(link, link_at(batch, last, v)) - lower * low_right
+    substitute(chain, last, last, right / (diagonal - lower * low))
 
 
 @device
-def pull(batch, y, pulls, multiplier, w, factor):
+def eliminated(chain, c, onward, diagonal, behind, right, coupling, solved):
+    """Row c without the neighbour ``behind``, whose solution is  solved - coupling l_c:  the same for row c."""
+    inverse = 1.0 / multiply_add(-behind, coupling, diagonal)
+    onward, right = onward * inverse, multiply_add(-behind, solved, right) * inverse
+    chain.coupling[c + 1], chain.multiplier[c + 1] = onward, right
+    return onward, right
+
+
+@device
+def substitute(chain, middle, last, solution):
+    """From l of the middle row to both ends."""
+    multiplier, coupling = chain.multiplier, chain.coupling
+    multiplier[middle + 1] = solution
+    up = down = solution
+    for k in range(1, max(last - middle, middle) + 1):
+        if middle + k <= last:
+            up = multiply_add(-coupling[middle + 1 + k], up, multiplier[middle + 1 + k])
+            multiplier[middle + 1 + k] = up
+        if k <= middle:
+            down = multiply_add(-coupling[middle + 1 - k], down, multiplier[middle + 1 - k])
+            multiplier[middle + 1 - k] = down
+
+
+# ------------------------------------------------------------------ correction
+
+
+@device
+def pull(batch, chain, y, w, factor):
     """y_c <- y_c + factor w_c (e_c l_c - e_(c-1) l_(c-1)), for positions or velocities y."""
-    first, links = batch.pairs.first, batch.rest.shape[0]
+    first, multiplier = batch.pairs.first, chain.multiplier
     for k in range(len(y)):
-        e = pulls[k]
-        y[k][first] += factor * w[first] * e[0] * multiplier[0]
-        for c in range(1, links):
+        e = chain.link[k]
+        for c in range(batch.rest.shape[0] + 1):
             i = first + np.uint64(c)
-            y[k][i] += factor * w[i] * (e[c] * multiplier[c] - e[c - 1] * multiplier[c - 1])
-        end = first + np.uint64(links)
-        y[k][end] -= factor * w[end] * e[links - 1] * multiplier[links - 1]
+            y[k][i] += factor * w[i] * (e[c + 1] * multiplier[c + 1] - e[c] * multiplier[c])
+
+
+@device
+def pull_both(batch, chain, p, v, w, inverse_h):
+    """The same for p, and over h for v."""
+    first, multiplier = batch.pairs.first, chain.multiplier
+    for k in range(len(p)):
+        e = chain.link[k]
+        for c in range(batch.rest.shape[0] + 1):
+            i = first + np.uint64(c)
+            change = w[i] * (e[c + 1] * multiplier[c + 1] - e[c] * multiplier[c])
+            p[k][i] += change
+            v[k][i] = multiply_add(inverse_h, change, v[k][i])
 
 
 @device_sum
-def left(batch, pulls, multiplier, w):
+def left(batch, chain, w):
     """The residual that a correction leaves: the root of sum_c (|D_c|^2 / (2 L_c^2))^2, D being the change of d."""
-    first, links = batch.pairs.first, batch.rest.shape[0]
+    first, multiplier = batch.pairs.first, chain.multiplier
     total = 0.0
-    for c in range(links):
+    for c in range(batch.rest.shape[0]):
         i = first + np.uint64(c)
         square = 0.0
-        for k in range(len(pulls)):
-            e = pulls[k]
-            change = (w[i] + w[i + np.uint64(1)]) * e[c] * multiplier[c]
-            if c > 0:
-                change -= w[i] * e[c - 1] * multiplier[c - 1]
-            if c + 1 < links:
-                change -= w[i + np.uint64(1)] * e[c + 1] * multiplier[c + 1]
+        for k in range(len(chain.link)):
+            e = chain.link[k]
+            middle = e[c + 1] * multiplier[c + 1]
+            one, other = middle - e[c] * multiplier[c], e[c + 2] * multiplier[c + 2] - middle
+            change = w[i] * one - w[i + np.uint64(1)] * other
             square += change * change
         relative = square / (batch.rest[c] * batch.rest[c])
         total += relative * relative
     return 0.5 * math.sqrt(total)
 
 
+# ------------------------------------------------------------------ prediction
+
+
 @device
 def extrapolate(chain):
     """l <- 3 l_1 - 3 l_2 + l_3, or what fewer known steps allow; of the same sub-step in each step."""
-    past, known = chain.past[chain.turn[0]], chain.turn[1]
-    a = 0.0 if known == 0 else (1.0 if known == 1 else (2.0 if known == 2 else 3.0))
+    past, newest, known = chain.past[chain.turn[0]], chain.turn[1] + HISTORY - 1, chain.turn[2]
+    a = float(known)
     b = 0.0 if known < 2 else (-1.0 if known == 2 else -3.0)
     d = 1.0 if known > 2 else 0.0
-    for c in range(chain.multiplier.shape[0]):
-        chain.multiplier[c] = a * past[0, c] + b * past[1, c] + d * past[2, c]
+    one, two, three = past[newest % HISTORY], past[(newest - 1) % HISTORY], past[(newest - 2) % HISTORY]
+    for c in range(chain.total.shape[0]):
+        predicted = a * one[c] + b * two[c] + d * three[c]
+        chain.total[c] = predicted
+        chain.multiplier[c + 1] = predicted
 
 
 @device
 def remember(chain):
     """Keep this sub-step's multipliers, and go on to the next sub-step."""
     past = chain.past[chain.turn[0]]
-    for c in range(chain.multiplier.shape[0]):
-        past[2, c] = past[1, c]
-        past[1, c] = past[0, c]
-        past[0, c] = chain.multiplier[c]
+    newest = past[chain.turn[1]]
+    for c in range(chain.total.shape[0]):
+        newest[c] = chain.total[c]
     chain.turn[0] += 1
     if chain.turn[0] == chain.past.shape[0]:
         chain.turn[0] = 0
-        chain.turn[1] = min(chain.turn[1] + 1, HISTORY)
+        chain.turn[1] = (chain.turn[1] + 1) % HISTORY
+        chain.turn[2] = min(chain.turn[2] + 1, HISTORY)

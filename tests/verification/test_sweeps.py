@@ -1,4 +1,4 @@
-"""Orders of a Gauss-Seidel sweep: the wavefront is the natural order to the last bit, colours are exact re-orderings."""
+"""Orders of a Gauss-Seidel sweep: the wavefront is the natural order to the last bit, colours are a re-ordering."""
 
 from __future__ import annotations
 
