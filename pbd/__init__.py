@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from pbd.simulation import simulate as simulate
     from pbd.solvers.direct import Direct as Direct
     from pbd.solvers.gauss_seidel import GaussSeidel as GaussSeidel
+    from pbd.solvers.implicit import Implicit as Implicit
+    from pbd.solvers.jacobi import Jacobi as Jacobi
+    from pbd.solvers.multilevel import Multilevel as Multilevel
     from pbd.state import particles as particles
     from pbd.stiffness import Compliance as Compliance
     from pbd.stiffness import Stiffness as Stiffness
@@ -33,7 +36,10 @@ _HOME = {
     "Direct": "solvers.direct",
     "Euler": "integrators.euler",
     "GaussSeidel": "solvers.gauss_seidel",
+    "Implicit": "solvers.implicit",
     "InvalidInput": "errors",
+    "Jacobi": "solvers.jacobi",
+    "Multilevel": "solvers.multilevel",
     "point_forces": "external",
     "Settings": "settings",
     "Shake": "integrators.shake",

@@ -16,6 +16,9 @@ Law = Callable[[Rods | Springs, np.ndarray], Any]
 """How a link is enforced, from the link and the inverse masses [1/kg] of all particles."""
 
 
+COUNTS = ("re-synchronised solves", "Newton solves", "Newton steps", "CG iterations")
+
+
 def simulation(scene: Scene, settings: Any, law: Law) -> Any:
     """The scene bound to `pbd.Settings`, a batch for each of its links; raises `InvalidInput` where they do not fit."""
     import pbd
@@ -43,6 +46,11 @@ def why_not(scene: Scene, settings: Any, law: Law) -> str:
     return ""
 
 
+def _counted(solver: Any) -> dict[str, int]:
+    """What a solver counts of its own."""
+    return dict(zip(COUNTS, solver.counts.tolist(), strict=True)) if hasattr(solver, "counts") else {}
+
+
 def prepare(scene: Scene, settings: Any, law: Law) -> Callable[[], Trajectory]:
     """Bind the simulation; the run is one kernel call."""
     bound = simulation(scene, settings, law)
@@ -51,7 +59,7 @@ def prepare(scene: Scene, settings: Any, law: Law) -> Callable[[], Trajectory]:
 
     def run() -> Trajectory:
         out = bound.run(every * scene.samples, at)
-        work = {"projections": out.projections, "unconverged solves": out.unconverged}
+        work = {"projections": out.projections, "unconverged solves": out.unconverged, **_counted(out.solver)}
         return Trajectory(out.times, out.positions, out.velocities, out.steps, work, out.quantity)
 
     return run

@@ -37,10 +37,16 @@ class Settings:
     solver: str = fields.choice("gauss_seidel", SOLVERS, "of the constraints of a sub-step")
     order: str = fields.choice("natural", ORDERS, "of the constraints in a Gauss-Seidel sweep")
     levels: int = fields.whole(64, 0, 64, "coarse levels at most, of the multilevel solver")
+    period: int = fields.whole(0, 0, 1000, "sweeps between re-synchronisations, of the implicit solver; 0: none")
     precision: str = fields.choice("float64", PRECISIONS, "of positions, velocities and projections")
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
+        for name, owner in (("order", "gauss_seidel"), ("levels", "multilevel"), ("period", "implicit")):
+            if self.solver != owner and getattr(self, name) != type(self).__dataclass_fields__[name].default:
+                raise InvalidInput(
+                    f"settings.{name}", getattr(self, name), f"absent with solver {self.solver}", f"{owner} has it"
+                )
         if self.method == "small_steps" and self.iterations != 1:
             raise InvalidInput("settings.iterations", self.iterations, "1 with small_steps", "set substeps instead")
         if self.method != "pbd" and (self.k is not None or self.raw):
@@ -115,7 +121,9 @@ def _solver(settings: Settings) -> Any:
 
     if settings.solver == "multilevel":
         return pbd.Multilevel(levels=settings.levels)
-    others = {"direct": pbd.Direct, "jacobi": pbd.Jacobi, "implicit": pbd.Implicit}
+    if settings.solver == "implicit":
+        return pbd.Implicit(period=settings.period)
+    others = {"direct": pbd.Direct, "jacobi": pbd.Jacobi}
     return pbd.GaussSeidel(settings.order) if settings.solver == "gauss_seidel" else others[settings.solver]()
 
 
