@@ -43,10 +43,9 @@ class Settings:
     def __post_init__(self) -> None:
         fields.check(self, "settings")
         for name, owner in (("order", "gauss_seidel"), ("levels", "multilevel"), ("period", "implicit")):
-            if self.solver != owner and getattr(self, name) != type(self).__dataclass_fields__[name].default:
-                raise InvalidInput(
-                    f"settings.{name}", getattr(self, name), f"absent with solver {self.solver}", f"{owner} has it"
-                )
+            value, usual = getattr(self, name), getattr(type(self), name)
+            if self.solver != owner and value != usual:
+                raise InvalidInput(f"settings.{name}", value, f"{usual} with solver {self.solver}", f"{owner} has it")
         if self.method == "small_steps" and self.iterations != 1:
             raise InvalidInput("settings.iterations", self.iterations, "1 with small_steps", "set substeps instead")
         if self.method != "pbd" and (self.k is not None or self.raw):
