@@ -28,7 +28,7 @@ from pbd.dispatch import stage
 from pbd.intrinsics import prefer_wide_vectors
 from pbd.jit import DEVICE_OPTIONS, device
 from pbd.stages import evaluate, size
-from pbd.vector import accumulate, dot, like, load, subtract
+from pbd.vector import Constant, accumulate, at, dot, like, load, subtract
 
 # ------------------------------------------------------------------ relations
 
@@ -79,6 +79,11 @@ class AtMost(NamedTuple):
 @stage(required=True)
 def increment(law, c, row, particles, h):
     """Multiplier increment of constraint c, whose evaluation is ``row``."""
+
+
+@stage(required=True)
+def of_run(law, r):
+    """The law within run r, from one that holds a number for each run: its numbers are then constants."""
 
 
 @stage
@@ -147,10 +152,13 @@ class Weighted(NamedTuple):
     """PBD stiffness of constraints whose W is constant: ``factor`` (m,) is k'/W, 0 where nothing can move."""
 
     relation: Equality | AtLeast | AtMost
-    factor: np.ndarray
+    factor: np.ndarray | Constant
+
+    def of_run(self, r):
+        return Weighted(self.relation, Constant(self.factor[r]))
 
     def increment(self, c, row, particles, h):
-        change = -self.factor[c] * row[1]
+        change = -at(self.factor, c) * row[1]
         return change if violated(self.relation, row[1]) else like(change, 0.0)
 
 
@@ -161,16 +169,19 @@ class WeightedCompliant(NamedTuple):
     """
 
     relation: Equality | AtLeast | AtMost
-    scaled: np.ndarray
-    factor: np.ndarray
+    scaled: np.ndarray | Constant
+    factor: np.ndarray | Constant
     multiplier: np.ndarray
+
+    def of_run(self, r):
+        return WeightedCompliant(self.relation, Constant(self.scaled[r]), Constant(self.factor[r]), self.multiplier)
 
     def reset(self):
         self.multiplier[:] = 0.0
 
     def increment(self, c, row, particles, h):
-        residual = -row[1] - self.scaled[c] * self.multiplier[c]
-        return advance(self, c, residual * self.factor[c])
+        residual = -row[1] - at(self.scaled, c) * self.multiplier[c]
+        return advance(self, c, residual * at(self.factor, c))
 
 
 @device
@@ -206,16 +217,16 @@ def constraint_motion(row, particles):
 def scatter(particles: Any, indices: tuple[int, ...], gradients: tuple, change: float) -> None:
     """p_j <- p_j + w_j dl g_j for all j of a constraint (in kernels unrolled: 4 % of a chain's step)."""
     for i, gradient in zip(indices, gradients, strict=True):
-        accumulate(particles.p, i, particles.w[i] * change, gradient)
+        accumulate(particles.p, i, at(particles.w, i) * change, gradient)
 
 
 @overload(scatter, strict=False, jit_options=DEVICE_OPTIONS)
 def _scatter(particles: Any, indices: Any, gradients: Any, change: Any) -> Any:
     def last(particles, indices, gradients, change):
-        accumulate(particles.p, indices[0], particles.w[indices[0]] * change, gradients[0])
+        accumulate(particles.p, indices[0], at(particles.w, indices[0]) * change, gradients[0])
 
     def first(particles, indices, gradients, change):
-        accumulate(particles.p, indices[0], particles.w[indices[0]] * change, gradients[0])
+        accumulate(particles.p, indices[0], at(particles.w, indices[0]) * change, gradients[0])
         scatter(particles, indices[1:], gradients[1:], change)
 
     return last if len(indices) == 1 else first

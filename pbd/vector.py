@@ -8,7 +8,7 @@ the layout. A vector is a tuple of d floats. Functions that build a tuple recurs
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,6 +66,22 @@ def _like(a: Any, value: Any) -> Any:
     if str(a) == "float32":
         return lambda a, value: np.float32(value)
     return lambda a, value: value
+
+
+class Constant(NamedTuple):
+    """One number in the place of an array."""
+
+    value: float
+
+
+def at(values: Any, i: int) -> Any:
+    """values_i, whether an array or a `Constant`."""
+    return values.value if isinstance(values, Constant) else values[i]
+
+
+@typed(at)
+def _at(values: Any, i: Any) -> Any:
+    return (lambda values, i: values.value) if hasattr(values, "instance_class") else (lambda values, i: values[i])
 
 
 def load(x: Store, i: int) -> Vector:

@@ -46,9 +46,10 @@ def why_not(scene: Scene, settings: Any, law: Law) -> str:
     return ""
 
 
-def _counted(solver: Any) -> dict[str, int]:
-    """What a solver counts of its own."""
-    return dict(zip(COUNTS, solver.counts.tolist(), strict=True)) if hasattr(solver, "counts") else {}
+def _counted(out: Any) -> dict[str, int]:
+    """What a solver counts of its own, and solves that failed, if any."""
+    own = dict(zip(COUNTS, out.solver.counts.tolist(), strict=True)) if hasattr(out.solver, "counts") else {}
+    return {**own, "unconverged solves": out.unconverged} if out.unconverged else own
 
 
 def prepare(scene: Scene, settings: Any, law: Law) -> Callable[[], Trajectory]:
@@ -59,7 +60,7 @@ def prepare(scene: Scene, settings: Any, law: Law) -> Callable[[], Trajectory]:
 
     def run() -> Trajectory:
         out = bound.run(every * scene.samples, at)
-        work = {"projections": out.projections, "unconverged solves": out.unconverged, **_counted(out.solver)}
+        work = {"projections": out.projections, **_counted(out)}
         return Trajectory(out.times, out.positions, out.velocities, out.steps, work, out.quantity)
 
     return run

@@ -10,12 +10,13 @@ import numpy as np
 from pbd.arrays import broadcast, indices
 from pbd.dispatch import stage
 from pbd.errors import InvalidInput
+from pbd.intrinsics import multiply_add
 from pbd.jit import device
-from pbd.projection import sweep
+from pbd.projection import of_run, sweep
 from pbd.roots import inverse_root
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
-from pbd.vector import dot, from_store, like, load, negate, scale, subtract
+from pbd.vector import Constant, at, dot, from_store, like, load, negate, scale, subtract
 
 
 @stage(required=True)
@@ -24,10 +25,10 @@ def pair(pairs, c):
 
 
 @stage
-def measure(pairs, squared):
-    """(length, 1/length) of a difference of that squared length; the inverse of 0 is 0."""
+def measure(pairs, squared, rest):
+    """(length - rest, 1/length) of a difference of that squared length; the inverse of 0 is 0."""
     length = math.sqrt(squared)
-    return length, reciprocal(length)
+    return length - rest, reciprocal(length)
 
 
 @device
@@ -74,16 +75,16 @@ class Shifted(NamedTuple):
     def pair(self, c):
         return self.i + c, self.j + c
 
-    def measure(self, squared):
+    def measure(self, squared, rest):
         inverse = inverse_root(squared)
-        return squared * inverse, inverse
+        return multiply_add(squared, inverse, -rest), inverse
 
 
 class Distance(NamedTuple):
-    """``pairs``, of one of the kinds above, kept at ``rest`` (m,) [m] from each other."""
+    """``pairs``, of one of the kinds above, kept at ``rest`` [m] from each other, an array (m,) or a `Constant`."""
 
     pairs: Any
-    rest: np.ndarray
+    rest: Any
     law: Any
 
     def size(self):
@@ -96,9 +97,9 @@ class Distance(NamedTuple):
         """
         i, j = pair(self.pairs, c)
         difference = subtract(load(x, i), load(x, j))
-        length, inverse = measure(self.pairs, dot(difference, difference))
+        value, inverse = measure(self.pairs, dot(difference, difference), at(self.rest, c))
         normal = scale(inverse, difference)
-        return (i, j), length - self.rest[c], (normal, negate(normal)), (1.0, 1.0)
+        return (i, j), value, (normal, negate(normal)), (1.0, 1.0)
 
     def weights(self, w: np.ndarray) -> np.ndarray:
         """(m,) W = w_i + w_j [1/kg]: gradients have norm 1, so it never changes."""
@@ -132,6 +133,33 @@ class DistanceRuns(NamedTuple):
             run = Distance(Shifted(self.i[r], self.j[r]), self.rest, self.law)
             sweep(run, range(self.start[r], self.start[r + 1]), state.particles, h)
         state.work[0] += self.real
+
+
+class UniformRuns(NamedTuple):
+    """As `DistanceRuns`, without gaps, and each run of equal constraints between equal particles.
+
+    ``rest`` (r,) and ``w`` (r,) [1/kg] hold one number for each run, and so does the law; only XPBD's multipliers
+    are one for each constraint. Nothing but positions is then read and written in the loop.
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    start: np.ndarray
+    source: np.ndarray
+    rest: np.ndarray
+    w: np.ndarray
+    law: Any
+
+    def size(self):
+        return self.source.shape[0]
+
+    def project(self, state, h):
+        x, p, v, _ = state.particles
+        for r in range(self.i.shape[0]):
+            run = Distance(Shifted(self.i[r], self.j[r]), Constant(self.rest[r]), of_run(self.law, r))
+            particles = Particles(x, p, v, Constant(self.w[r]))  # type: ignore[arg-type]
+            sweep(run, range(self.start[r], self.start[r + 1]), particles, h)
+        state.work[0] += self.source.shape[0]
 
 
 def distance(

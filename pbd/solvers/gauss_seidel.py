@@ -104,9 +104,9 @@ def _coloured(problem: Problem) -> Arrangement:
         raise InvalidInput("solver.order", "coloured", "natural here", "it is made for distances, and there are none")
     pairs = [batch.pairs.as_array(batch.size()) for batch in batches if isinstance(batch, Distance)]
     layout = runs.choose_layout(pairs, len(problem.particles.w))
+    particles = placed(problem.particles, layout.slot, layout.slots)
     found: list[Any] = []
     for batch in batches:
         moved = renumbered(batch, layout.slot, "coloured")
-        found += runs.split(moved) if isinstance(batch, Distance) else [moved]
-    particles = placed(problem.particles, layout.slot, layout.slots)
+        found += runs.split(moved, particles.w) if isinstance(batch, Distance) else [moved]
     return Arrangement(Sweeps(int(problem.settings.iterations)), particles, tuple(found), layout.slot)

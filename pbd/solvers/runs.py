@@ -11,15 +11,19 @@ row. What forms no run - all of an irregular mesh, perhaps - is sorted by greedy
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.constraints.distance import Distance, DistanceRuns, Pairs
+from pbd.constraints.distance import Distance, DistanceRuns, Pairs, UniformRuns
 
 SHORTEST = 16
 """Constraints: a shorter run costs more to enter than it saves."""
+
+LONG = 48
+"""Constraints of one kind that are worth a run of their own."""
 
 WIDEST_GAP = 4
 """Constraints of weight 0 that may fill a gap, for example where a row ends, to keep a run going."""
@@ -121,18 +125,64 @@ def _cost(placed: np.ndarray) -> float:
     return float(np.sum(np.where(long, lengths + RUN_COST, members * SINGLE_COST)))
 
 
-def split(batch: Distance) -> list[Distance | DistanceRuns]:
-    """A bound batch whose particles stand in their slots, as runs and, if any are left, single pairs by colour."""
+def split(batch: Distance, w: np.ndarray) -> list[Distance | DistanceRuns | UniformRuns]:
+    """A bound batch whose particles stand in their slots, of inverse masses ``w``, in its fastest parts.
+
+    They are: runs of equal constraints, other runs, and single pairs by colour.
+    """
     pairs = batch.pairs.as_array(batch.size())
-    runs, rest = _find_runs(pairs)
+    runs, singles = _find_runs(pairs)
+    uniform: list[Run] = []
+    mixed: list[Run] = []
+    if hasattr(batch.law, "of_run"):
+        kinds = _kinds(batch, w, pairs)
+        for run in runs:
+            _sort_pieces(run, kinds, uniform, mixed)
+    else:
+        mixed = runs
+    short = [run.source[run.source >= 0] for run in mixed if len(run.source) < SHORTEST]
+    mixed = [run for run in mixed if len(run.source) >= SHORTEST]
+    singles = np.sort(np.concatenate([singles, *short]))
     found: list[Any] = []
-    if runs:
-        found.append(_in_runs(batch, runs))
-    if len(rest):
-        rest = rest[np.argsort(greedy_colours(pairs[rest]), kind="stable")]
-        i, j = pairs[rest].T.astype(np.uint64)
-        found.append(Distance(Pairs(i.copy(), j.copy()), batch.rest[rest], select(batch.law, rest)))
+    if uniform:
+        found.append(_in_uniform_runs(batch, w, uniform))
+    if mixed:
+        found.append(_in_runs(batch, mixed))
+    if len(singles):
+        singles = singles[np.argsort(greedy_colours(pairs[singles]), kind="stable")]
+        i, j = pairs[singles].T.astype(np.uint64)
+        found.append(Distance(Pairs(i.copy(), j.copy()), batch.rest[singles], select(batch.law, singles)))
     return found
+
+
+def _kinds(batch: Distance, w: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(m,) a number for each constraint, equal for equal ones; -1 where its two particles differ in mass."""
+    i, j = pairs.T
+    values = [batch.rest, w[i], *(value for value in batch.law if isinstance(value, np.ndarray))]
+    kinds = np.unique(np.column_stack(values), axis=0, return_inverse=True)[1].ravel()
+    return np.where(w[i] == w[j], kinds, -1)
+
+
+def _sort_pieces(run: Run, kinds: np.ndarray, uniform: list[Run], mixed: list[Run]) -> None:
+    """Cut a run into long pieces of one kind, and what lies between them."""
+    kind = np.where(run.source >= 0, kinds[run.source], -1)
+    cuts = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(kind)]
+    rest = 0
+    for begin, end in itertools.pairwise(cuts):
+        if end - begin >= LONG and kind[begin] >= 0:
+            mixed += _trimmed(run, rest, begin)
+            uniform += _trimmed(run, begin, end)
+            rest = end
+    mixed += _trimmed(run, rest, len(kind))
+
+
+def _trimmed(run: Run, begin: int, end: int) -> list[Run]:
+    """A piece of a run without gaps at its ends; none where nothing is left."""
+    real = np.flatnonzero(run.source[begin:end] >= 0)
+    if len(real) == 0:
+        return []
+    begin, end = begin + int(real[0]), begin + int(real[-1]) + 1
+    return [Run(run.i + begin, run.j + begin, run.source[begin:end])]
 
 
 def _find_runs(placed: np.ndarray) -> tuple[list[Run], np.ndarray]:
@@ -152,16 +202,30 @@ def _find_runs(placed: np.ndarray) -> tuple[list[Run], np.ndarray]:
     return runs, np.sort(np.concatenate(rest))
 
 
-def _in_runs(batch: Distance, runs: list[Run]) -> DistanceRuns:
-    """The batch's constraints in the order of the runs; those of weight 0 have rest length 1 and factor 0."""
+def _joined(runs: list[Run]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(i, j, start, source) of a batch of runs: constraint c of run r joins particles i[r] + c and j[r] + c."""
     source = np.concatenate([run.source for run in runs])
-    start = np.concatenate([[0], np.cumsum([len(run.source) for run in runs])])  # unsigned below: see `Shifted`
-    rest = np.where(source >= 0, batch.rest[source], 1.0)
+    start = np.concatenate([[0], np.cumsum([len(run.source) for run in runs])])
     first = np.array([(run.i, run.j) for run in runs])
-    i, j = (first - start[:-1, None]).T.astype(np.uint64)  # modulo 2^64: shift + constraint is the particle
-    return DistanceRuns(
-        i.copy(), j.copy(), start.astype(np.uint64), source, int(np.sum(source >= 0)), rest, select(batch.law, source)
-    )
+    i, j = (first - start[:-1, None]).T.astype(np.uint64)  # modulo 2^64
+    return i.copy(), j.copy(), start.astype(np.uint64), source
+
+
+def _in_runs(batch: Distance, runs: list[Run]) -> DistanceRuns:
+    """The constraints in the order of the runs; those of weight 0 have rest length 1 and factor 0."""
+    i, j, start, source = _joined(runs)
+    rest = np.where(source >= 0, batch.rest[source], 1.0)
+    return DistanceRuns(i, j, start, source, int(np.sum(source >= 0)), rest, select(batch.law, source))
+
+
+def _in_uniform_runs(batch: Distance, w: np.ndarray, runs: list[Run]) -> UniformRuns:
+    """The constraints in the order of the runs, with one number for each run."""
+    i, j, start, source = _joined(runs)
+    first = np.array([run.source[0] for run in runs])
+    law = select(batch.law, first)
+    if hasattr(law, "multiplier"):
+        law = law._replace(multiplier=np.zeros(len(source)))
+    return UniformRuns(i, j, start, source, batch.rest[first], w[np.array([run.i for run in runs])], law)
 
 
 def select(law: Any, source: np.ndarray) -> Any:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pbd
+from pbd.arrangement import Problem
 from pbd.roots import inverse_root
 from pbd.solvers import runs
 
@@ -145,16 +146,20 @@ def test_runs_share_no_particle_and_cover_all():
                 assert max(i.max(), j.max()) < len(simulation._scene.state.particles.w)
 
 
-def test_most_of_a_cloth_and_all_of_a_chain_form_runs():
-    _, batch = cloth(64, 64)
-    layout = runs.choose_layout([batch.pairs.as_array(0)], 64 * 64)
-    parts = runs.split(
-        batch.renumbered(layout.slot)._replace(law=batch.law.bind(batch.size(), 1, np.ones(batch.size())))
-    )
-    (joined,) = parts
-    assert joined.real == batch.size()
-    assert joined.rest.shape[0] <= 1.02 * batch.size(), "gaps filled by constraints of weight 0"
-    assert len(joined.i) <= 60
+def test_a_cloth_and_a_chain_form_runs():
+    particles, batch = cloth(64, 64)
+    parts = pbd.GaussSeidel("coloured").arrange(Problem(particles, (batch,), pbd.Settings())).batches
+    uniform, mixed = parts[:2]
+    assert uniform.size() > 0.5 * batch.size(), "equal links between equal particles"
+    assert sum(part.size() for part in parts) == batch.size()
+    assert uniform.size() + mixed.size() > 0.99 * batch.size()
+    assert mixed.rest.shape[0] <= 1.1 * mixed.size(), "gaps filled by constraints of weight 0"
+    particles, pairs = chain(1000)
+    even = pbd.particles(np.column_stack([np.arange(1001.0), np.zeros(1001)]), pinned=[0])
+    parts = pbd.GaussSeidel("coloured").arrange(Problem(even, (pbd.distance(even, pairs),), pbd.Settings())).batches
+    assert [part.size() for part in parts] == [999, 1], "all but the link at the pin"
+    uneven = pbd.GaussSeidel("coloured").arrange(Problem(particles, (pbd.distance(particles, pairs),), pbd.Settings()))
+    assert [part.size() for part in uneven.batches] == [1000]
 
 
 @settings(max_examples=30, deadline=None)
