@@ -5,7 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from comparisons.isolation import Workers
-from comparisons.studies import convergence, stiffness, work_precision
+from comparisons.studies import (
+    calibration,
+    convergence,
+    scaling,
+    small_steps,
+    solvers,
+    stiffness,
+    throughput,
+    work_precision,
+)
 from comparisons.study import Chapter, Study
 
 SCENE = "pendulum_chain"
@@ -26,9 +35,16 @@ COINCIDE = "pymunk's undamped spring is symplectic Euler, so these two lines coi
 SETTINGS_OF = ("symplectic_euler", "pbd", "pymunk", "pybullet")
 SETTINGS_LINKS = 10
 
+PARTICLES = (10, 100, 1000, 10_000)
+"""For throughput; a peer takes 20 µs a particle to build its scenes, which more of them would only wait for."""
+
+SCALES = (1000, 3000, 10_000, 30_000, 100_000)
+SOLVED = (("pendulum_chain", {"links": 100}), ("pendulum_chain", {"links": 1000}), ("hanging_cloth", {"size": 32}))
+SOLVER_SWEEPS = (1, 10, 100, 1000)
+
 
 def run(*, quiet: bool = False) -> list[Chapter]:
-    """Work-precision and convergence of rigid and compliant chains, each engine's settings, and stiffness."""
+    """Work-precision and convergence of rigid and compliant chains, what solvers do and cost, and calibration."""
     with Workers() as workers:
         return _chapters({"workers": workers, "quiet": quiet})
 
@@ -45,7 +61,7 @@ def _chapters(how: dict[str, Any]) -> list[Chapter]:
         if compliance == 0.0:
             chapters.append(_settings(races[CHAINS.index(SETTINGS_LINKS)]))
         chapters.append(_convergence(name, scenes, how))
-    return [*chapters, _stiffness(how)]
+    return [*chapters, *(make(how) for make in OTHERS)]
 
 
 def _scene(links: int, compliance: float) -> dict[str, Any]:
@@ -100,3 +116,61 @@ def _stiffness(how: dict[str, Any]) -> Chapter:
         ),
         studies=[stiffness.run(SCENE, **how)],
     )
+
+
+def _small_steps(how: dict[str, Any]) -> Chapter:
+    return Chapter(
+        heading="Small steps: n sub-steps or n iterations",
+        caption=(
+            "A chain hangs straight down, and its bottom below its place: all of that is error, after 1000 frames. For "
+            "the same number of projections sub-steps leave 1/n^2 of the error, iterations 1/n at best. "
+            "Broad grey: closed form."
+        ),
+        studies=[small_steps.run(SCENE, rounds=ROUNDS, **how)],
+    )
+
+
+def _solvers(how: dict[str, Any]) -> Chapter:
+    return Chapter(
+        heading="What a projection buys, by solver",
+        caption=(
+            "Every link starts 10 % too long; one step without gravity. Sweeps carry a correction a link at a time, "
+            "the multilevel solver over all lengths at once, and the direct solver, for chains only, to round-off."
+        ),
+        studies=[solvers.run(scene, scene=size, sweeps=SOLVER_SWEEPS, rounds=ROUNDS, **how) for scene, size in SOLVED],
+    )
+
+
+def _throughput(how: dict[str, Any]) -> Chapter:
+    return Chapter(
+        heading="What a projection costs",
+        caption=(
+            "One thread. Natural order waits for each projection before the next; coloured order fills vector "
+            "registers, and a wavefront runs many sweeps at once with the result of natural order. A cheap "
+            "projection may be worth less: the second table gives the time to equal residual."
+        ),
+        studies=[throughput.run(SCENE, particles=PARTICLES, brief=True, **how)],
+    )
+
+
+def _scaling(how: dict[str, Any]) -> Chapter:
+    return Chapter(
+        heading="What size costs",
+        caption=(
+            "A step with one sweep, per particle: flat while all that a step reads and writes stays in a cache. "
+            "Broad grey: the size of a cache."
+        ),
+        studies=[scaling.run(SCENE, particles=SCALES, engines=["pbd"], **how)],
+    )
+
+
+def _calibration(how: dict[str, Any]) -> Chapter:
+    return Chapter(
+        heading="Calibration of the engines",
+        caption="What every engine makes of problems with a known answer: its order, its conventions, its traps.",
+        studies=[calibration.run(**how)],
+    )
+
+
+OTHERS = (_stiffness, _small_steps, _solvers, _throughput, _scaling, _calibration)
+"""The chapters after those on chains."""

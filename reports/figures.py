@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,9 @@ ROOM = 30.0
 
 LEGEND = 2.4
 """Width [inches] of the legend."""
+
+LETTERS = 26
+"""Of the legend, that fit into a line of it."""
 
 Cell = tuple[Study, str, str]
 """A study, the name of its panel, the heading."""
@@ -85,7 +89,8 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
         figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
         if not own_legends:
             place = (1.0 - LEGEND / figure.get_figwidth(), 1.0 - 0.5 / figure.get_figheight())
-            figure.legend(handles.values(), handles.keys(), loc="upper left", bbox_to_anchor=place, frameon=False)
+            labels = [textwrap.fill(label, LETTERS) for label in handles]
+            figure.legend(handles.values(), labels, loc="upper left", bbox_to_anchor=place, frameon=False)
     return figure
 
 
@@ -97,7 +102,7 @@ def _canvas(rows: int, columns: int, right: float, below: float) -> tuple[Figure
     width, height = PANEL[0] * columns + right, (PANEL[1] + below) * rows + 0.4
     figure = Figure(figsize=(width, height))
     figure.subplots_adjust(
-        left=0.75 / width,
+        left=0.85 / width,
         right=1.0 - (right + 0.1) / width,
         bottom=(0.55 + below) / height,
         top=1.0 - 0.7 / height,

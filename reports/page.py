@@ -80,7 +80,7 @@ def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
 def _picture(cells: Sequence[Cell], heading: str, detail: str, directory: Path) -> Picture:
     caption = f"{heading}: {detail}" if detail else heading
     stem = "-".join("".join(c if c.isalnum() else " " for c in caption.lower().replace("'", "")).split())
-    figure = figures.grid(cells, caption, COLUMNS)
+    figure = figures.grid(cells, caption, min(COLUMNS, len(cells)))
     for ending in figures.FORMATS:
         figures.save(figure, directory / f"{stem}.{ending}")
     svg = (directory / f"{stem}.svg").read_bytes()

@@ -137,14 +137,16 @@ def _steps(name: str) -> bool:
 
 
 def _varies(base: RunSpec, axis: str, changes: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Whether an engine has the setting, its method takes another count than 1, and the user did not fix it."""
+    """Whether an engine has the setting, its method and solver take other counts than 1, and the user left it open."""
     if axis not in fields.rules(engine.load(base.engine).Settings) or axis in changes.get(base.engine, {}):
         return False
     try:
-        engine.make_settings(base.engine, base.preset, {**base.settings, axis: 2})
+        two = engine.make_settings(base.engine, base.preset, {**base.settings, axis: 2})
+        one = engine.make_settings(base.engine, base.preset, {**base.settings, axis: 1})
     except InvalidInput:
         return False
-    return True
+    why_not, scene = engine.load(base.engine).unsupported, build_scene(base.scene, base.parameters)
+    return not why_not(scene, two) or bool(why_not(scene, one))  # what runs with neither says so in its records
 
 
 def _counts(base: RunSpec, axis: str, values: Sequence[int]) -> Ladder:

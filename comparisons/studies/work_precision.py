@@ -26,6 +26,9 @@ TARGETS = (1e-2, 1e-4, 1e-6, 1e-8)
 YARDSTICK = 3.0
 """An engine that chooses its own steps may take this many times the cap, so that it shows on long chains too."""
 
+OURS = ("pbd", "shake")
+"""This project's engines; the first is the subject, PBD as published."""
+
 ANALYST = "dop853"
 """Drawn as a yardstick, but no competitor: it needs equations made for the scene and takes no contacts."""
 
@@ -135,7 +138,7 @@ def winner(records: Sequence[Record], target: float) -> Winner:
 
 
 def sentence(won: Winner) -> str:
-    """Who reaches an error first, by how much, and where our solver stands."""
+    """Who reaches an error first, by how much, and where this project's best and PBD itself stand."""
     yard = f"; {_titled(ANALYST)} takes {duration(won.seconds[ANALYST])}" if ANALYST in won.seconds else ""
     if not won.engine:
         return f"To {won.target:g} m: no engine gets there within the budget{yard}."
@@ -143,10 +146,23 @@ def sentence(won: Winner) -> str:
     text = f"To {won.target:g} m: {_titled(won.engine)} ({won.setting}) wins with {duration(seconds)}"
     later = sorted((s, n) for n, s in won.seconds.items() if n not in (won.engine, ANALYST))
     text += f", {later[0][0] / seconds:.1f} times faster than {_titled(later[0][1])}" if later else ", alone"
-    if won.engine != "pbd" and (not later or later[0][1] != "pbd"):
-        ours = won.seconds.get("pbd")
-        text += f"; PBD needs {ours / seconds:.0f} times as long" if ours else "; PBD does not get there in the budget"
-    return text + yard + "."
+    named = {won.engine, *(name for _, name in later[:1])}
+    return text + "".join(_standing(name, won) for name in _to_tell(won) if name not in named) + yard + "."
+
+
+def _to_tell(won: Winner) -> list[str]:
+    """Whose place must be told: that of PBD, and before it the project's best where another engine wins."""
+    ours = sorted((won.seconds[name], name) for name in OURS if name in won.seconds)
+    best = [ours[0][1]] if ours and won.engine not in OURS else []
+    return list(dict.fromkeys([*best, OURS[0]]))
+
+
+def _standing(name: str, won: Winner) -> str:
+    ours = won.seconds.get(name)
+    if ours is None:
+        return f"; {_titled(name)} does not get there in the budget"
+    title = _titled(name) if name == OURS[0] else f"this project's best, {_titled(name)},"
+    return f"; {title} needs {ours / won.seconds[won.engine]:.0f} times as long"
 
 
 def by_setting(study: Study, name: str) -> Study:

@@ -22,6 +22,7 @@ SETTINGS = {
     "pbd": {"method": "pbd", "dt": 0.01, "iterations": 1, "substeps": 1, "k": None, "raw": False, "damping": 0.0},
     "symplectic_euler": {"dt": 0.01, "stiffness": 1e6, "damping_ratio": 0.0, "half_kick": False},
     "pymunk": {"dt": 0.01, "iterations": 10, "error_bias": 0.5, "half_kick": False},
+    "shake": {"order": "2", "dt": 0.01, "solver": "direct", "iterations": 1, "velocity": "impulses"},
     "dop853": {"rtol": 1e-8},
 }
 
@@ -267,6 +268,23 @@ def test_our_own_losses_are_told():
     assert "pymunk" in lost
     assert "2.0 times faster than symplectic Euler; PBD needs 30 times as long" in lost
     assert "PBD does not get there in the budget" in sentence(winner([fast, slow], 1e-4))
+
+
+def test_the_projects_best_and_pbd_itself_have_their_place():
+    """SHAKE is this project's too, but not PBD."""
+    shake, pbd = record("shake", error=1e-5, seconds=2e-5), record("pbd", error=1e-5, seconds=3e-4)
+    fast, slow = record("pymunk", error=1e-5, seconds=1e-5), record("symplectic_euler", error=1e-5, seconds=4e-5)
+    assert sentence(winner([shake, slow, pbd], 1e-4)) == (
+        "To 0.0001 m: SHAKE (SHAKE) wins with 20 µs, 2.0 times faster than symplectic Euler; "
+        "PBD needs 15 times as long."
+    )
+    assert sentence(winner([shake, slow], 1e-4)).endswith("symplectic Euler; PBD does not get there in the budget.")
+    later = msgspec.structs.replace(shake, seconds=Seconds(min=6e-5, repeats=3, overhead=0.0))
+    lost = sentence(winner([fast, slow, later, pbd], 1e-4))
+    assert "this project's best, SHAKE, needs 6 times as long; PBD needs 30 times as long" in lost
+    assert sentence(winner([fast, shake], 1e-4)).endswith(
+        "2.0 times faster than SHAKE; PBD does not get there in the budget."
+    )
 
 
 def test_runs_without_a_time_or_an_error_do_not_count():
