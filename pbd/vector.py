@@ -74,14 +74,25 @@ class Constant(NamedTuple):
     value: float
 
 
+class One(NamedTuple):
+    """The number 1 in the place of an array, in the precision of its field: a product with it costs nothing."""
+
+    precision: float
+
+
 def at(values: Any, i: int) -> Any:
-    """values_i, whether an array or a `Constant`."""
+    """values_i, of an array, a `Constant` or `One`."""
+    if isinstance(values, One):
+        return 1.0
     return values.value if isinstance(values, Constant) else values[i]
 
 
 @typed(at)
 def _at(values: Any, i: Any) -> Any:
-    return (lambda values, i: values.value) if hasattr(values, "instance_class") else (lambda values, i: values[i])
+    kind = getattr(values, "instance_class", None)
+    if kind is One:
+        return lambda values, i: like(values.precision, 1.0)
+    return (lambda values, i: values.value) if kind is Constant else (lambda values, i: values[i])
 
 
 def load(x: Store, i: int) -> Vector:

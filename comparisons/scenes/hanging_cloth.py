@@ -18,7 +18,7 @@ from pbd.errors import InvalidInput
 
 QUESTION = "How near to its lengths and its true motion does a hanging cloth stay, and at what cost?"
 
-MAX_SIZE = 512
+MAX_SIZE = 1024
 PINNED = {"corners": "two corners", "edge": "one edge", "none": "nothing"}
 
 

@@ -17,7 +17,7 @@ from pbd.errors import InvalidInput
 
 QUESTION = "How far from the true motion is a swinging chain, and what does a smaller error cost?"
 
-MAX_LINKS = 100_000
+MAX_LINKS = 1_000_000
 
 
 @dataclass(frozen=True)

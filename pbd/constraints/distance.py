@@ -10,13 +10,13 @@ import numpy as np
 from pbd.arrays import broadcast, indices
 from pbd.dispatch import stage
 from pbd.errors import InvalidInput
-from pbd.intrinsics import multiply_add
+from pbd.intrinsics import multiply_add, typed
 from pbd.jit import device
 from pbd.projection import of_run, sweep
 from pbd.roots import inverse_root
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
-from pbd.vector import Constant, at, dot, from_store, like, load, negate, scale, subtract
+from pbd.vector import Constant, One, at, dot, from_store, like, load, negate, scale, subtract
 
 
 @stage(required=True)
@@ -139,7 +139,8 @@ class UniformRuns(NamedTuple):
     """As `DistanceRuns`, without gaps, and each run of equal constraints between equal particles.
 
     ``rest`` (r,) and ``w`` (r,) [1/kg] hold one number for each run, and so does the law; only XPBD's multipliers
-    are one for each constraint. Nothing but positions is then read and written in the loop.
+    are one for each constraint. Nothing but positions is then read and written in the loop. Where the law holds no
+    multiplier, w is `One` and its factor holds the inverse mass.
     """
 
     i: np.ndarray
@@ -147,7 +148,7 @@ class UniformRuns(NamedTuple):
     start: np.ndarray
     source: np.ndarray
     rest: np.ndarray
-    w: np.ndarray
+    w: np.ndarray | One
     law: Any
 
     def size(self):
@@ -157,9 +158,19 @@ class UniformRuns(NamedTuple):
         x, p, v, _ = state.particles
         for r in range(self.i.shape[0]):
             run = Distance(Shifted(self.i[r], self.j[r]), Constant(self.rest[r]), of_run(self.law, r))
-            particles = Particles(x, p, v, Constant(self.w[r]))  # type: ignore[arg-type]
+            particles = Particles(x, p, v, weight_of_run(self.w, r))
             sweep(run, range(self.start[r], self.start[r + 1]), particles, h)
         state.work[0] += self.source.shape[0]
+
+
+def weight_of_run(w: Any, r: int) -> Any:
+    """The inverse mass of all particles of run r, as a constant."""
+    return w if isinstance(w, One) else Constant(w[r])
+
+
+@typed(weight_of_run)
+def _weight_of_run(w: Any, r: Any) -> Any:
+    return (lambda w, r: w) if hasattr(w, "instance_class") else (lambda w, r: Constant(w[r]))
 
 
 def distance(

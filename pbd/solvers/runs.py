@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.constraints.distance import Distance, DistanceRuns, Pairs, UniformRuns
+from pbd.vector import One
 
 SHORTEST = 16
 """Constraints: a shorter run costs more to enter than it saves."""
@@ -38,7 +39,7 @@ LANES = 16
 FREQUENT = 12
 """So many of the most frequent index differences are tried as row widths."""
 
-SAMPLE, ROWS = 4_000, 8
+SAMPLE, ROWS = 4_096, 16
 """Particles, and row widths, whose constraints decide the layout: a larger grid goes on as it begins."""
 
 
@@ -101,14 +102,19 @@ def _sorted(placed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return order, i[order], offset[order]
 
 
-def _breaks(i: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Where runs begin in pairs sorted by (offset, i)."""
+def _begins(i: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Where unbroken stretches begin in pairs sorted by (offset, i)."""
     step = np.diff(i)
     new = np.concatenate([[True], (np.diff(offset) != 0) | (step > WIDEST_GAP + 1) | (step == 0)])
-    begins: list[int] = np.flatnonzero(new).tolist()
+    return np.flatnonzero(new)
+
+
+def _breaks(i: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Where runs begin: as `_begins`, and wherever a run would reach its own second particles."""
+    begins: list[int] = _begins(i, offset).tolist()
     found = []
-    for begin, end in zip(begins, [*begins[1:], len(i)], strict=True):
-        while begin < end:  # a run must not reach its own second particles
+    for begin, end in itertools.pairwise([*begins, len(i)]):
+        while begin < end:
             found.append(begin)
             begin = int(np.searchsorted(i[begin:end], i[begin] + offset[begin])) + begin
     return np.array(found, dtype=np.int64)
@@ -118,11 +124,12 @@ def _cost(placed: np.ndarray) -> float:
     if len(placed) == 0:
         return 0.0
     _, i, offset = _sorted(placed)
-    begins = _breaks(i, offset)
+    begins = _begins(i, offset)
     ends = np.concatenate([begins[1:], [len(i)]]) - 1
     lengths, members = i[ends] - i[begins] + 1, ends - begins + 1
-    long = lengths >= SHORTEST
-    return float(np.sum(np.where(long, lengths + RUN_COST, members * SINGLE_COST)))
+    parts = -(-lengths // offset[begins])
+    is_long = lengths >= SHORTEST * parts
+    return float(np.sum(np.where(is_long, lengths + RUN_COST * parts, SINGLE_COST * members)))
 
 
 def split(batch: Distance, w: np.ndarray) -> list[Distance | DistanceRuns | UniformRuns]:
@@ -223,9 +230,12 @@ def _in_uniform_runs(batch: Distance, w: np.ndarray, runs: list[Run]) -> Uniform
     i, j, start, source = _joined(runs)
     first = np.array([run.source[0] for run in runs])
     law = select(batch.law, first)
+    masses: Any = w[np.array([run.i for run in runs])]
     if hasattr(law, "multiplier"):
         law = law._replace(multiplier=np.zeros(len(source)))
-    return UniformRuns(i, j, start, source, batch.rest[first], w[np.array([run.i for run in runs])], law)
+    else:
+        law, masses = law._replace(factor=law.factor * masses), One(1.0)
+    return UniformRuns(i, j, start, source, batch.rest[first], masses, law)
 
 
 def select(law: Any, source: np.ndarray) -> Any:
