@@ -10,13 +10,12 @@ import numpy as np
 from pbd.arrays import broadcast, indices
 from pbd.dispatch import stage
 from pbd.errors import InvalidInput
-from pbd.intrinsics import multiply_add, typed
+from pbd.intrinsics import multiply_add
 from pbd.jit import device
-from pbd.projection import of_run, sweep
 from pbd.roots import inverse_root
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
-from pbd.vector import Constant, One, at, dot, from_store, like, load, negate, scale, subtract
+from pbd.vector import at, dot, from_store, like, load, negate, scale, subtract
 
 
 @stage(required=True)
@@ -81,7 +80,7 @@ class Shifted(NamedTuple):
 
 
 class Distance(NamedTuple):
-    """``pairs``, of one of the kinds above, kept at ``rest`` [m] from each other, an array (m,) or a `Constant`."""
+    """``pairs``, of one of the kinds above, kept at ``rest`` [m] from each other, an array (m,) or a `pbd.vector.Constant`."""
 
     pairs: Any
     rest: Any
@@ -108,69 +107,6 @@ class Distance(NamedTuple):
     def renumbered(self, slot: np.ndarray) -> Distance:
         """The same for particles that now stand in ``slot``."""
         return self._replace(pairs=_select_pairs(slot[self.pairs.as_array(self.size())]))
-
-
-class DistanceRuns(NamedTuple):
-    """Distances in unit-stride runs: those from ``start[r]`` to ``start[r + 1]`` join i[r] + c with j[r] + c.
-
-    ``source`` (m,) is their number before they were sorted, -1 for one of weight 0 that fills a gap; ``real`` of them
-    are no such. See `pbd.solvers.runs`.
-    """
-
-    i: np.ndarray
-    j: np.ndarray
-    start: np.ndarray
-    source: np.ndarray
-    real: int
-    rest: np.ndarray
-    law: Any
-
-    def size(self):
-        return self.real
-
-    def project(self, state, h):
-        for r in range(self.i.shape[0]):
-            run = Distance(Shifted(self.i[r], self.j[r]), self.rest, self.law)
-            sweep(run, range(self.start[r], self.start[r + 1]), state.particles, h)
-        state.work[0] += self.real
-
-
-class UniformRuns(NamedTuple):
-    """As `DistanceRuns`, without gaps, and each run of equal constraints between equal particles.
-
-    ``rest`` (r,) and ``w`` (r,) [1/kg] hold one number for each run, and so does the law; only XPBD's multipliers
-    are one for each constraint. Nothing but positions is then read and written in the loop. Where the law holds no
-    multiplier, w is `One` and its factor holds the inverse mass.
-    """
-
-    i: np.ndarray
-    j: np.ndarray
-    start: np.ndarray
-    source: np.ndarray
-    rest: np.ndarray
-    w: np.ndarray | One
-    law: Any
-
-    def size(self):
-        return self.source.shape[0]
-
-    def project(self, state, h):
-        x, p, v, _ = state.particles
-        for r in range(self.i.shape[0]):
-            run = Distance(Shifted(self.i[r], self.j[r]), Constant(self.rest[r]), of_run(self.law, r))
-            particles = Particles(x, p, v, weight_of_run(self.w, r))
-            sweep(run, range(self.start[r], self.start[r + 1]), particles, h)
-        state.work[0] += self.source.shape[0]
-
-
-def weight_of_run(w: Any, r: int) -> Any:
-    """The inverse mass of all particles of run r, as a constant."""
-    return w if isinstance(w, One) else Constant(w[r])
-
-
-@typed(weight_of_run)
-def _weight_of_run(w: Any, r: Any) -> Any:
-    return (lambda w, r: w) if hasattr(w, "instance_class") else (lambda w, r: Constant(w[r]))
 
 
 def distance(

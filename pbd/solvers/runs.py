@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.constraints.distance import Distance, DistanceRuns, Pairs, UniformRuns
+from pbd.constraints.distance import Distance, Pairs
+from pbd.constraints.distance_runs import DistanceRuns, UniformRuns
 from pbd.vector import One
 
 SHORTEST = 16
