@@ -80,7 +80,7 @@ class Shifted(NamedTuple):
 
 
 class Distance(NamedTuple):
-    """``pairs``, of one of the kinds above, kept at ``rest`` [m] from each other, an array (m,) or a `pbd.vector.Constant`."""
+    """``pairs``, of one of the kinds above, kept at ``rest`` [m] from each other, an array or a `Constant`."""
 
     pairs: Any
     rest: Any

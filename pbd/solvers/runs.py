@@ -157,7 +157,7 @@ def split(batch: Distance, w: np.ndarray) -> list[Distance | DistanceRuns | Unif
     if mixed:
         found.append(_in_runs(batch, mixed))
     if len(singles):
-        singles = singles[np.argsort(greedy_colours(pairs[singles]), kind="stable")]
+        singles = singles[np.lexsort((pairs[singles].min(axis=1), greedy_colours(pairs[singles])))]
         i, j = pairs[singles].T.astype(np.uint64)
         found.append(Distance(Pairs(i.copy(), j.copy()), batch.rest[singles], select(batch.law, singles)))
     return found
