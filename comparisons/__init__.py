@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from comparisons.run import execute as execute
     from comparisons.studies.calibration import run as calibration
     from comparisons.studies.convergence import run as convergence
+    from comparisons.studies.implicit_euler import run as implicit_euler
     from comparisons.studies.scaling import run as scaling
     from comparisons.studies.small_steps import run as small_steps
     from comparisons.studies.solvers import run as solvers
@@ -29,6 +30,7 @@ _HOME = {
     "calibration": ("studies.calibration", "run"),
     "convergence": ("studies.convergence", "run"),
     "execute": ("run", "execute"),
+    "implicit_euler": ("studies.implicit_euler", "run"),
     "scaling": ("studies.scaling", "run"),
     "small_steps": ("studies.small_steps", "run"),
     "solvers": ("studies.solvers", "run"),
@@ -43,6 +45,7 @@ __all__ = [
     "calibration",
     "convergence",
     "execute",
+    "implicit_euler",
     "scaling",
     "small_steps",
     "solvers",
