@@ -10,7 +10,7 @@ report: $(VENV)/.installed
 	$(BIN)/pbdbench report -o $(OUT)
 
 test: check
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist worksteal
 
 check: $(VENV)/.tests-installed
 	$(BIN)/ruff check .

@@ -178,8 +178,8 @@ def _implicit_euler(how: dict[str, Any]) -> Chapter:
     return Chapter(
         heading="What XPBD's compliance converges to",
         caption=(
-            "A swinging cloth, about 1 kg a particle: how far a step ends from implicit Euler's minimiser. Sweeps alone "
-            "stall; re-synchronisation or Newton's method get there."
+            "A swinging cloth, about 1 kg a particle: how far a step ends from implicit Euler's minimiser. Sweeps "
+            "alone stall; re-synchronisation or Newton's method get there."
         ),
         studies=[implicit_euler.run("hanging_cloth", scene=SWINGING, rounds=ROUNDS, **how)],
     )
