@@ -77,7 +77,7 @@ def run(
         parameters=parameters,
         head=head(),
         panels=[Panel(name="sweeps", title="XPBD's stall", x="sweeps in a step", y="distance / correction")],
-        series=[_stall(case, rows) for case in cases],
+        series=[*(_stall(case, rows) for case in cases), *_worst(rows)],
         records=records,
         tables=[Table(title="Distance after one step", columns=HEADER, rows=[_row(*row, steps) for row in rows])],
         sentences=_sentences(rows),
@@ -95,7 +95,7 @@ class Case:
     @property
     def label(self) -> str:
         """The case in words."""
-        return f"k = {self.stiffness:g} N/m, dt = 1/{1 / self.dt:.0f} s"
+        return f"sweeps, {self.stiffness:g} N/m, 1/{1 / self.dt:.0f} s"
 
     def specs(self) -> Iterator[tuple[str, RunSpec]]:
         """(name, spec) of each method."""
@@ -135,6 +135,16 @@ def _stall(case: Case, rows: list[Row]) -> Series:
     points = [(float(r.settings["iterations"]), r.metric(METRIC)) for r in mine if r.status.code == "ok"]
     x, y = [p[0] for p in points], [p[1] for p in points]
     return Series(panel="sweeps", label=case.label, engine=ENGINE, method="xpbd", x=x, y=y)
+
+
+def _worst(rows: list[Row]) -> list[Series]:
+    """The largest distance of the methods that need no number of sweeps, over the whole width."""
+    found = []
+    for method, label in ((RESYNCHRONISED, "re-synchronised, worst case"), (NEWTON, "Newton-CG, worst case")):
+        if distances := _distances(rows, method):
+            x, y = [float(SWEEPS[0]), float(SWEEPS[-1])], [max(distances)] * 2
+            found.append(Series(panel="sweeps", label=label, engine=ENGINE, method="implicit", x=x, y=y))
+    return found
 
 
 def _sentences(rows: list[Row]) -> list[str]:

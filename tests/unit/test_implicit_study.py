@@ -51,7 +51,12 @@ def test_the_study_measures_all_methods_in_all_cases():
     (table,) = study.tables
     assert len(table.rows) == 2 * (len(implicit_euler.SWEEPS) + 2)
     assert {record.status.code for record in study.records} == {"ok"}
-    assert [series.label for series in study.series] == ["k = 10000 N/m, dt = 1/60 s", "k = 10000 N/m, dt = 1/600 s"]
+    assert [series.label for series in study.series] == [
+        "sweeps, 10000 N/m, 1/60 s",
+        "sweeps, 10000 N/m, 1/600 s",
+        "re-synchronised, worst case",
+        "Newton-CG, worst case",
+    ]
     assert any("stays" in sentence for sentence in study.sentences)
     assert all(record.seconds is not None for record in study.records)
 
