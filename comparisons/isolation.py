@@ -60,8 +60,8 @@ class Worker:
     def run(self, spec: RunSpec) -> Trajectory:
         """The trajectory of ``spec``; raises `Lost`."""
         answer = self._ask({"task": "run", "spec": msgspec.to_builtins(spec)})
-        times, x, v = (np.frombuffer(blob).reshape(shape) for blob, shape in answer["arrays"])
-        return Trajectory(times, x, v, answer["steps"], answer["work"], answer["diverged"], answer["wall"])
+        arrays = {name: np.frombuffer(blob).reshape(shape) for name, (blob, shape) in answer["arrays"].items()}
+        return Trajectory(**arrays, **answer["rest"])
 
     def seconds(self, spec: RunSpec) -> tuple[float, float]:
         """Time of one run of ``spec``, and of the empty world in its place [s]; raises `Lost`."""
@@ -193,8 +193,10 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     out = bound.run()
     if request["task"] == "time":
         return {"seconds": out.wall, "overhead": _overhead(bound)}
-    arrays = [(np.ascontiguousarray(a).tobytes(), a.shape) for a in (out.times, out.positions, out.velocities)]
-    return {"arrays": arrays, "steps": out.steps, "work": out.work, "diverged": out.diverged, "wall": out.wall}
+    values = {field.name: getattr(out, field.name) for field in dataclasses.fields(out)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    sent = {name: (np.ascontiguousarray(a, dtype=float).tobytes(), a.shape) for name, a in arrays.items()}
+    return {"arrays": sent, "rest": {name: value for name, value in values.items() if name not in arrays}}
 
 
 def _overhead(bound: Bound) -> float:

@@ -97,17 +97,17 @@ def execute(spec: RunSpec, runner: Runner | None = None) -> Record:
 
 
 def _measure(bound: Bound, trajectory: Trajectory) -> Record:
-    status = classify(bound.scene, trajectory)
     values: dict[str, Value] = {}
-    if status.code == "ok":
-        subject = Subject(trajectory, bound.scene)
-        try:
+    try:
+        status = classify(bound.scene, trajectory)
+        if status.code == "ok":
+            subject = Subject(trajectory, bound.scene)
             for name in bound.scene.metrics if bound.spec.metrics is None else bound.spec.metrics:
                 module = catalog.load("metrics", name)
                 values[name] = Value(float(module.measure(subject)), module.UNIT)
-        except Refused as refused:
-            status = Status(code="refused", quantity=str(refused), remedy=refused.remedy)
-            values = {}
+    except Refused as refused:
+        status = Status(code="refused", quantity=str(refused), remedy=refused.remedy)
+        values = {}
     return _record(
         bound, status=status, steps=trajectory.steps, work=trajectory.work, wall=trajectory.wall, metrics=values
     )
@@ -118,7 +118,7 @@ def classify(scene: Scene, trajectory: Trajectory) -> Status:
     smaller = "use a smaller time step, or more iterations or sub-steps"
     if trajectory.diverged:
         return Status(code="diverged", step=trajectory.steps, quantity=trajectory.diverged, remedy=smaller)
-    if len(trajectory.times) == 0 or len(scene.masses.masses) == 0:
+    if len(trajectory.times) == 0 or (len(scene.masses.masses) == 0 and scene.bodies is None):
         return Status()
     subject = Subject(trajectory, scene)
     if subject.rods and np.abs(subject.extensions[0]).max() > VIOLATED:

@@ -6,10 +6,14 @@ A scene is data: bodies, what connects them, gravity, how long, when to sample. 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from comparisons.bodies import Bodies, Planes
+from comparisons.trajectory import Trajectory
 from pbd.errors import InvalidInput
 
 STEP = 5e-8
@@ -62,6 +66,10 @@ class Scene:
     links : of kind `Rods` or `Springs`
     duration [s], samples : recorded at 0 and at ``samples`` equally spaced times up to ``duration``
     metrics : names of the metrics that make sense, the default of a run
+    bodies, planes : rigid bodies and the half-spaces they fall on; a scene has either point masses or bodies
+    friction, restitution : Coulomb's and Newton's coefficient of every contact
+    exact : the motion in closed form at given times [s], where there is one
+    known : name -> closed-form value that a metric of the same name compares with
     """
 
     name: str
@@ -72,6 +80,12 @@ class Scene:
     duration: float
     samples: int
     metrics: tuple[str, ...]
+    bodies: Bodies | None = None
+    planes: Planes | None = None
+    friction: float = 0.0
+    restitution: float = 0.0
+    exact: Callable[[np.ndarray], Trajectory] | None = None
+    known: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def times(self) -> np.ndarray:
@@ -100,8 +114,12 @@ class Scene:
         return steps
 
 
+def no_masses(dimension: int) -> PointMasses:
+    """The point masses of a scene that has none."""
+    return PointMasses(np.zeros((0, dimension)), np.zeros((0, dimension)), np.zeros(0))
+
+
 def empty(scene: Scene) -> Scene:
-    """The same scene without bodies: what remains of a run is the engine's call overhead."""
-    d = len(scene.gravity)
-    nothing = PointMasses(np.zeros((0, d)), np.zeros((0, d)), np.zeros(0))
+    """The same scene without anything in it: what remains of a run is the engine's call overhead."""
+    nothing = no_masses(len(scene.gravity))
     return Scene("empty", "empty world", nothing, (), scene.gravity, scene.duration, scene.samples, ())

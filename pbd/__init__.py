@@ -10,16 +10,26 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pbd.constraints.contact import plane_contact as plane_contact
+    from pbd.constraints.box_contact import box_contacts as box_contacts
+    from pbd.constraints.corner_contact import corner_planes as corner_planes
     from pbd.constraints.distance import distance as distance
+    from pbd.constraints.shape_matching import shape_matching as shape_matching
     from pbd.damping import Damping as Damping
     from pbd.errors import InvalidInput as InvalidInput
     from pbd.external import point_forces as point_forces
     from pbd.integrators.euler import Euler as Euler
+    from pbd.integrators.rattle import Rattle as Rattle
     from pbd.integrators.shake import Shake as Shake
+    from pbd.rigid.bodies import Ball as Ball
+    from pbd.rigid.bodies import Box as Box
+    from pbd.rigid.bodies import bodies as bodies
+    from pbd.rigid.contacts import contacts as contacts
+    from pbd.rigid.contacts import planes as planes
     from pbd.settings import Settings as Settings
     from pbd.simulation import Outcome as Outcome
     from pbd.simulation import Simulation as Simulation
     from pbd.simulation import simulate as simulate
+    from pbd.solvers.conjugate import ConjugateSweeps as ConjugateSweeps
     from pbd.solvers.direct import Direct as Direct
     from pbd.solvers.gauss_seidel import GaussSeidel as GaussSeidel
     from pbd.solvers.implicit import Implicit as Implicit
@@ -31,7 +41,17 @@ if TYPE_CHECKING:
 
 _HOME = {
     "plane_contact": "constraints.contact",
+    "box_contacts": "constraints.box_contact",
+    "corner_planes": "constraints.corner_contact",
     "distance": "constraints.distance",
+    "shape_matching": "constraints.shape_matching",
+    "Ball": "rigid.bodies",
+    "Box": "rigid.bodies",
+    "bodies": "rigid.bodies",
+    "ConjugateSweeps": "solvers.conjugate",
+    "contacts": "rigid.contacts",
+    "planes": "rigid.contacts",
+    "Rattle": "integrators.rattle",
     "Damping": "damping",
     "Direct": "solvers.direct",
     "Euler": "integrators.euler",

@@ -16,8 +16,8 @@ from pbd.external import Gravity
 from pbd.fields import Rule
 from pbd.jit import device, kernel
 from pbd.settings import Settings
-from pbd.stages import not_finite, observe, step
-from pbd.state import WORK, Particles, State
+from pbd.stages import detect, not_finite, observe, step
+from pbd.state import LACKING, PAIRS_TESTED, SIGNALS, WORK, Particles, State
 from pbd.vector import aligned, from_store
 
 MAX_STEPS = 10**12
@@ -53,9 +53,12 @@ def simulation(integrator, solver, scene, plan, recordings):
     unchecked = 0
     for n in range(plan.steps + 1):
         if n > 0:
-            for _ in range(plan.substeps):
+            for s in range(plan.substeps):
+                detect(scene.batches, scene.state, plan.h, plan.substeps - s)
                 step(integrator, solver, scene, plan.h)
             unchecked += 1
+        if scene.state.work[LACKING] > 0:
+            return n, recorded, 0
         if unchecked == plan.check_every or n == plan.steps:
             unchecked = 0
             broken = first_broken(scene.state)
@@ -85,6 +88,7 @@ class Outcome:
     quantity : what was found not finite; empty when all is
     steps : steps done
     projections : constraint projections done, counted in the kernel; a direct solve counts as one of each link
+    pairs : pairs of bodies that were tested for contact
     unconverged : solves that ended without the residual they are to reach
     scene : the final state and the bound batches, e.g. for ``scene.batches[0].law.multiplier``
     recordings : the raw recordings of all groups
@@ -98,9 +102,15 @@ class Outcome:
     steps: int
     projections: int
     unconverged: int
+    pairs: int
     scene: Scene
     recordings: tuple
     solver: Any
+
+    @property
+    def bodies(self) -> Any:
+        """The samples of the bodies, from their own ``from_recording``: of `pbd.bodies` a `BodyMotion`."""
+        return self.scene.state.bodies.from_recording(self.recordings[1], len(self.times))
 
     @property
     def status(self) -> str:
@@ -151,7 +161,7 @@ class Simulation:
         if gravity is not None:
             fields = (Gravity(_gravity(gravity, particles)), *fields)
         damping = settings.damping.bind() if settings.damping else None
-        state = State(arranged.particles, bodies, np.zeros(WORK, dtype=np.int64))
+        state = State(arranged.particles, bodies, np.zeros(WORK, dtype=np.int64), np.zeros(SIGNALS))
         self._solver = arranged.solver
         self._scene = _in_precision(Scene(state, arranged.batches, fields, damping), settings.dtype)
 
@@ -171,6 +181,9 @@ class Simulation:
         settings = self.settings
         plan = Plan(settings.dtype.type(settings.h), int(settings.substeps), steps, at, max(1, steps // CHECKS_PER_RUN))
         done, recorded, broken = simulation(integrator, solver, scene, plan, recordings)
+        if state.work[LACKING] > 0:
+            self._scene = self._scene._replace(batches=_grown(self._scene.batches, 2 * int(state.work[LACKING])))
+            return self.run(steps, at)
         x, v = recordings[0] or ((np.zeros((len(at), 0)),) * 2,) * 2
         seen = slice(None) if self._slot is None else self._slot
         return Outcome(
@@ -181,6 +194,7 @@ class Simulation:
             steps=done,
             projections=int(state.work[0]),
             unconverged=int(state.work[1]),
+            pairs=int(state.work[PAIRS_TESTED]),
             scene=scene,
             recordings=recordings,
             solver=solver,
@@ -233,6 +247,11 @@ def _sample_steps(steps: int, samples: Any) -> np.ndarray:
     if at.ndim != 1 or np.any(np.diff(at) <= 0):
         raise InvalidInput("samples", samples, f"ascending step numbers in [0, {steps}]")
     return at
+
+
+def _grown(batches: tuple, capacity: int) -> tuple:
+    """The batches, those that seek pairs of bodies with room for so many."""
+    return tuple(batch.grown(capacity) if hasattr(batch, "grown") else batch for batch in batches)
 
 
 def _copy(value: Any) -> Any:

@@ -89,3 +89,50 @@ def evaluate(batch, c, x):
 @stage
 def end(batch, state, h):
     """Line 16: velocityUpdate - friction, restitution, viscosity."""
+
+
+# ------------------------------------------------------------------ constraints of rigid bodies, in the order of a step
+
+
+@stage
+def detect(batch, state, h, left):
+    """Before a sub-step, ``left`` of which are left in the step: find what touches, as seldom as motion allows."""
+
+
+@stage
+def mark(batch, state):
+    """Keep the speeds at the start of a sub-step; no impulse yet."""
+
+
+@stage
+def warm_start(batch, state, h):
+    """Set impulses to what the last forces give in h/2, and push the bodies by the difference."""
+
+
+@stage
+def foresee(batch, state, h, whole):
+    """Prepare a position pass over h from the motion that is foreseen, and signal impacts within it.
+
+    h is the ``whole`` sub-step or the part of it up to an impact. What errors there are is undone at the rate of a whole
+    one, or a short part would turn them into speed.
+    """
+
+
+@stage
+def extrapolate(batch, state, share):
+    """Repeat ``share`` of the last step along the conjugate direction, and add this sweep's step to it."""
+
+
+@stage
+def drift(bodies, h):
+    """x <- x + h v, and the turns."""
+
+
+@stage
+def turn_over(batch, state, h):
+    """From the position pass, over a sub-step of h, to the velocity pass."""
+
+
+@stage
+def settle(batch, state, h, steady):
+    """The sub-step is over: remember its forces, if it was ``steady``, without impact."""

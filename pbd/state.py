@@ -20,8 +20,15 @@ MIN_MASS = float(np.finfo(np.float64).tiny)
 """[kg] Below it 1/m is infinite."""
 
 
-WORK = 2
-"""Counters of work: projections, unconverged solves."""
+WORK = 4
+"""Counters of work: projections, unconverged solves, pairs of bodies tested, and pairs there was no room for."""
+
+PAIRS_TESTED, LACKING = 2, 3
+
+SIGNALS = 3
+EARLIEST, IMPACTS, CHANGE = range(SIGNALS)
+"""What constraints of bodies tell the integrator and the solver: when the first impact is [s], how many there are, and
+the square of a sweep's change."""
 
 
 class Recording(NamedTuple):
@@ -78,12 +85,13 @@ class State(NamedTuple):
     """All groups, and the counters of work done.
 
     ``work`` (WORK,) counts constraint projections, and solves that did not converge. ``bodies`` is a second
-    group of any class with the group stages of `pbd.stages`, or None.
+    group of any class with the group stages of `pbd.stages`, or None. ``signals`` (SIGNALS,) are set in a sub-step.
     """
 
     particles: Particles | None
     bodies: Any
     work: np.ndarray
+    signals: np.ndarray = np.zeros(SIGNALS)
 
 
 @device

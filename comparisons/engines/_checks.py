@@ -25,6 +25,8 @@ def check_scene(scene: Scene) -> None:
 
 def beyond_rods_and_springs(scene: Scene) -> str:
     """Why an engine that knows rods and springs cannot run the scene; empty when it can."""
+    if scene.bodies is not None:
+        return "the scene has rigid bodies, and the engine knows point masses only"
     known = all(isinstance(link, Rods | Springs) for link in scene.links)
     return "" if known else "the scene has links that are neither rods nor springs"
 

@@ -1,9 +1,10 @@
-"""What PyBullet does that no setting shows: hidden damping, dropped links, clamped rates."""
+"""What PyBullet does that no setting shows: hidden damping, dropped links, clamped rates, and contacts."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from comparisons.engines._pybullet_contact_findings import contacts
 from comparisons.record import Finding
 
 DAMPING = 0.04
@@ -23,9 +24,10 @@ def find() -> list[Finding]:
     client = bullet.connect(bullet.DIRECT)
     try:
         bullet.setTimeStep(STEP, client)
-        return [_joint_rate(bullet, client), _links(bullet, client), _fall(bullet, client)]
+        found = [_joint_rate(bullet, client), _links(bullet, client), _fall(bullet, client)]
     finally:
         bullet.disconnect(client)
+    return found + contacts(bullet)
 
 
 def _fall(bullet: Any, client: int) -> Finding:

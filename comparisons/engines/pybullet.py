@@ -1,4 +1,4 @@
-"""PyBullet: Bullet in double precision, through its in-process client. Rigid serial planar chains and free masses.
+"""PyBullet: Bullet in double precision, through its in-process client. Rigid serial planar chains, free masses, bodies.
 
 A step kicks first and moves after: v <- v + h a(x, v), then x <- x + h v. With ``half_kick`` v lives
 half a step before x: leapfrog. The scene's plane is z = 0. Two formulations of a chain:
@@ -8,6 +8,10 @@ articulated : one multi-body in joint angles (Featherstone), each mass at the fa
 point_to_point : free dumbbell rods held together by ball joints, which Gauss-Seidel solves. A rod with end
     masses a (near) and b (far) is one body of mass a + b, its centre at b L / (a + b) from the near end.
     With ``half_kick`` and erp 1 second order for any number of links.
+
+Rigid bodies have reduced coordinates if articulated, the engine's default, and else maximal ones, as rods have; see
+`_pybullet_body_world`. With ``half_kick`` falling, sliding and rolling are of second order, and what rests stays at
+rest, as a half step from there changes nothing. Impacts, found at the end of a step, stay of first.
 
 Damping c, on unless set to 0, is a deceleration c v (1 + |v|) of an articulated link, v in m/s, and
 (1 - c)^h on the velocities of a free rod.
@@ -23,7 +27,10 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.engines import _pybullet_bodies as rigid
+from comparisons.engines._body_checks import check_bodies
 from comparisons.engines._checks import check_scene
+from comparisons.engines._pybullet_body_world import RECIPES
 from comparisons.engines._pybullet_worlds import Articulated, FreeMasses, PointToPoint, World
 from comparisons.record import Finding
 from comparisons.scene import Rods, Scene, Springs
@@ -41,37 +48,57 @@ FORMULATIONS = ("articulated", "point_to_point", "by_links")
 
 @dataclass(frozen=True)
 class Settings:
-    """``iterations`` and ``erp`` apply to point_to_point, ``max_joint_velocity`` to articulated."""
+    """What applies where.
+
+    chains : ``iterations`` and ``erp`` to point_to_point, ``max_joint_velocity`` to articulated
+    rigid bodies : all but ``erp``; ``max_joint_velocity`` to articulated, ``warm_starting`` and bounce to the others
+    """
 
     formulation: str = fields.choice(
-        "articulated", FORMULATIONS, "by_links: articulated for one link, else ball joints"
+        "articulated", FORMULATIONS, "by_links: articulated for one link, else ball joints; for bodies the latter"
     )
     dt: float = fields.real(1e-3, "s", 1e-12, 1e3, "time step")
     damping: float = fields.real(0.04, "1/s", 0.0, 1.0, "linear and angular damping of bodies")
     max_joint_velocity: float = fields.real(100.0, "rad/s", 0.0, 1e30, "joint rates are clamped to it", above=True)
     iterations: int = fields.whole(50, 1, 1_000_000, "solver iterations in each step")
     erp: float = fields.real(0.2, "1", 0.0, 1.0, "part of a joint's error that one step corrects")
+    contact: str = fields.choice(
+        "rest", tuple(RECIPES), "of bodies: the engine's own, or none before they touch and no speed from overlap"
+    )
+    restitution_threshold: float = fields.real(0.2, "m/s", 0.0, 1e30, "of bodies: what meets slower does not rebound")
+    contact_slop: float = fields.real(1e-5, "m", 0.0, 1e3, "of bodies: overlap that is left alone")
+    contact_breaking: float = fields.real(
+        0.02, "1", 0.0, 1e3, "of bodies: farthest that a contact moves in a step, over a radius; else lost", above=True
+    )
+    warm_starting: float = fields.real(
+        0.1, "1", 0.0, 1.0, "of bodies: part of a contact's impulse with which the next step starts"
+    )
     half_kick: bool = fields.flag(False, "start with half a step: leapfrog")
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "default": {},
-    "matched": {
-        "formulation": "by_links",
-        "damping": 0.0,
-        "max_joint_velocity": 1e30,
-        "erp": 1.0,
-        "half_kick": True,
-    },
+MATCHED: dict[str, Any] = {
+    "formulation": "by_links",
+    "damping": 0.0,
+    "max_joint_velocity": 1e30,
+    "erp": 1.0,
+    "restitution_threshold": 0.0,
+    "contact_slop": 1e-9,
+    "contact_breaking": 0.1,
+    "warm_starting": 0.85,
+    "half_kick": True,
 }
+BOUNCE: dict[str, Any] = {"contact": "bounce", "half_kick": False}
+PRESETS: dict[str, dict[str, Any]] = {"default": {}, "matched": MATCHED, "matched_bounce": {**MATCHED, **BOUNCE}}
 SWEEP: list[dict[str, Any]] = [
     {"formulation": "articulated"},
     {"formulation": "point_to_point", "iterations": 10},
     {"formulation": "point_to_point", "iterations": 50},
 ]
+BODY_SWEEP: list[dict[str, Any]] = [{"iterations": 10}, BOUNCE, {**BOUNCE, "iterations": 10}]
+"""Beside what is matched, which rests and has 50 iterations."""
 
 
 def missing() -> str:
@@ -88,6 +115,8 @@ def version() -> str:
 
 def unsupported(scene: Scene, settings: Settings) -> str:
     """Raises `InvalidInput` for numbers that Bullet would take silently."""
+    if scene.bodies is not None:
+        return rigid.unsupported(scene, settings)
     check_scene(scene)
     masses, links = scene.masses, scene.links
     n = len(masses.masses) - 1
@@ -115,16 +144,20 @@ def _articulated(links: int, settings: Settings) -> bool:
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
-    return SWEEP
+    return SWEEP if scene.bodies is None else BODY_SWEEP
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the world in a client of its own, which disconnects when the returned run is dropped: never timed."""
-    check_scene(scene)
+    check_bodies(scene)
     bullet = load()
     client = bullet.connect(bullet.DIRECT)
     try:
-        run = _runner(_build(client, scene, settings), scene, settings)
+        _tune(client, settings)
+        if scene.bodies is not None:
+            run = rigid.runner(client, scene, settings)
+        else:
+            run = _runner(_build(client, scene, settings), scene, settings)
     except BaseException:
         bullet.disconnect(client)
         raise
@@ -151,10 +184,9 @@ def load() -> Any:
     return pybullet
 
 
-def _build(client: int, scene: Scene, settings: Settings) -> World:
+def _tune(client: int, settings: Settings) -> None:
     import pybullet as bullet
 
-    bullet.setGravity(*map(float, scene.gravity), 0.0, physicsClientId=client)
     # a residual threshold above 0 would end the iterations early
     bullet.setPhysicsEngineParameter(
         fixedTimeStep=settings.dt,
@@ -163,6 +195,12 @@ def _build(client: int, scene: Scene, settings: Settings) -> World:
         erp=settings.erp,
         physicsClientId=client,
     )
+
+
+def _build(client: int, scene: Scene, settings: Settings) -> World:
+    import pybullet as bullet
+
+    bullet.setGravity(*[*map(float, scene.gravity), 0.0][:3], physicsClientId=client)
     world = _kind(scene, settings)(client, scene, settings)
     if settings.half_kick:
         _half_kick(world, settings.dt)
@@ -170,7 +208,7 @@ def _build(client: int, scene: Scene, settings: Settings) -> World:
 
 
 def _kind(scene: Scene, settings: Settings) -> Callable[..., World]:
-    if len(scene.masses.masses) and not scene.links:
+    if not scene.links:
         return FreeMasses
     return Articulated if _articulated(len(scene.masses.masses) - 1, settings) else PointToPoint
 

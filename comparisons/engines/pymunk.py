@@ -3,6 +3,7 @@
 A step moves first and kicks after: x <- x + h v, then v <- v + h a(x) with the impulses that give every
 rod the velocity -(1 - error_bias^h) C / h along itself. With ``half_kick`` a leading half step puts v half
 a step after x: springs are then leapfrog, and rods with error_bias 0 are SHAKE with one Newton step a step.
+Rigid bodies: see `_pymunk_bodies`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.engines._checks import beyond_rods_and_springs, check_scene
+from comparisons.engines import _pymunk_bodies
+from comparisons.engines._body_checks import check_bodies
+from comparisons.engines._checks import beyond_rods_and_springs
 from comparisons.record import Finding
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory, from_samples
@@ -24,7 +27,13 @@ TITLE = "pymunk"
 FOREIGN = True
 
 ENGINE_ERROR_BIAS = float(1 - np.float32(0.1)) ** 60
-"""Chipmunk's own: a joint loses a tenth of its error in each 1/60 s, in the single precision of its source."""
+"""Chipmunk's own: a joint loses a tenth of its error in each 1/60 s, in the single precision of its source.
+
+So does an overlap.
+"""
+
+ENGINE_COLLISION_SLOP = float(np.float32(0.1))
+"""Chipmunk's own, meant for lengths in pixels."""
 
 FULL_CORRECTION = 0.5
 """Iterations, over links^2, from which Gauss-Seidel converges well enough for a full correction of the rods.
@@ -43,6 +52,11 @@ class Settings:
         ENGINE_ERROR_BIAS, "1", 0.0, 1.0, "part of a rod's error left after 1 s; none: by links", optional=True
     )
     half_kick: bool = fields.flag(False, "start with half a step: leapfrog, second order")
+    collision_slop: float = fields.real(ENGINE_COLLISION_SLOP, "m", 0.0, 1e3, "of bodies: overlap that is left alone")
+    collision_bias: float = fields.real(
+        ENGINE_ERROR_BIAS, "1", 0.0, 1.0, "of bodies: part of a deeper overlap left after 1 s"
+    )
+    skin: float = fields.real(0.0, "m", 0.0, 1e3, "of bodies: radius of the edges of boxes and planes")
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
@@ -50,9 +64,21 @@ class Settings:
 
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
-    "matched": {"iterations": 50, "error_bias": None, "half_kick": True},
+    "matched": {
+        "iterations": 50,
+        "error_bias": None,
+        "half_kick": True,
+        "collision_slop": 1e-4,
+        "skin": 5e-5,
+    },
 }
 SWEEP: list[dict[str, Any]] = [{"iterations": 10}, {"iterations": 50}, {"iterations": 10, "error_bias": 1e-15}]
+BODY_SWEEP: list[dict[str, Any]] = [
+    {"iterations": 10},
+    {"iterations": 50},
+    {"iterations": 50, "collision_slop": 1e-5, "skin": 0.0},
+    {"iterations": 50, "half_kick": False},
+]
 
 
 def missing() -> str:
@@ -69,19 +95,21 @@ def version() -> str:
 
 def unsupported(scene: Scene, settings: Settings) -> str:
     """Raises `InvalidInput` for numbers on which Chipmunk aborts the process."""
-    check_scene(scene)
+    check_bodies(scene)
     if len(scene.gravity) != 2:
         return "pymunk is planar"
-    return beyond_rods_and_springs(scene)
+    return beyond_rods_and_springs(scene) if scene.bodies is None else ""
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
-    return SWEEP
+    return SWEEP if scene.bodies is None else BODY_SWEEP
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the space; the run steps and samples it."""
-    check_scene(scene)
+    check_bodies(scene)
+    if scene.bodies is not None:
+        return _pymunk_bodies.prepare(scene, settings)
     space, rods = _build(scene, settings)
     half_kick = settings.half_kick
     if half_kick:

@@ -2,6 +2,9 @@
 
 A rigid link is a stiff spring with a damper, whose stiffness sets an error floor; a compliant link is
 its spring. With ``half_kick`` velocities live at half steps (leapfrog), which makes it second order.
+
+Rigid bodies touch by penalty: springs and dampers, as in `_symplectic_euler_contacts`. ``contact_stiffness`` sets how
+deep they rest and how long an impact takes: g/(2 k) for a box in the plane, about pi/sqrt(2 k).
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from comparisons.engines._body_checks import check_bodies
 from comparisons.engines._checks import beyond_rods_and_springs
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory
@@ -25,12 +29,15 @@ FOREIGN = False
 
 @dataclass(frozen=True)
 class Settings:
-    """``stiffness`` and ``damping_ratio`` apply to rigid links only."""
+    """``stiffness`` and ``damping_ratio`` apply to rigid links only, ``contact_stiffness`` to rigid bodies only."""
 
     dt: float = fields.real(1e-4, "s", 1e-12, 1e3, "time step")
     stiffness: float = fields.real(1e6, "N/m", 0.0, 1e15, "spring that stands for a rigid link", above=True)
     damping_ratio: float = fields.real(0.0, "1", 0.0, 10.0, "link damping, as a fraction of critical")
     half_kick: bool = fields.flag(False, "start half a step earlier: leapfrog, second order")
+    contact_stiffness: float = fields.real(
+        1e6, "N/m/kg", 0.0, 1e15, "spring at a contact point, for each kg of the lighter body", above=True
+    )
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
@@ -40,6 +47,7 @@ PRESETS: dict[str, dict[str, Any]] = {"default": {}, "matched": {"half_kick": Tr
 SWEEP: list[dict[str, Any]] = [{"stiffness": 10.0**exponent} for exponent in (4, 5, 6, 7, 8, 10)] + [
     {"stiffness": stiffness, "damping_ratio": 0.1} for stiffness in (1e6, 1e8)
 ]
+CONTACT_SWEEP: list[dict[str, Any]] = [{"contact_stiffness": 10.0**exponent} for exponent in (4, 5, 6, 7, 8, 10)]
 
 
 class Links(NamedTuple):
@@ -70,16 +78,26 @@ def version() -> str:
 
 
 def unsupported(scene: Scene, settings: Settings) -> str:
-    return beyond_rods_and_springs(scene)
+    """Raises `InvalidInput` for numbers that describe no bodies."""
+    if scene.bodies is None:
+        return beyond_rods_and_springs(scene)
+    check_bodies(scene)
+    return "the scene has links between rigid bodies" if scene.links else ""
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
-    """Stiffness and damping stand for rigid links; without such there is nothing to try."""
+    """Stiffness and damping stand for rigid links, contact stiffness for impenetrable bodies; else nothing to try."""
+    if scene.bodies is not None and (scene.planes is not None or len(scene.bodies.masses) > 1):
+        return CONTACT_SWEEP
     return SWEEP if scene.of(Rods) else [{}]
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the arrays; the run is one kernel call."""
+    if scene.bodies is not None:
+        from comparisons.engines._symplectic_euler_bodies import prepare as prepare_bodies
+
+        return prepare_bodies(scene, settings.contact_stiffness, settings.dt, settings.half_kick)
     from comparisons.engines._symplectic_euler_kernel import integrate
     from pbd.vector import from_store, to_store, zeros
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from comparisons.bodies import Bodies, rotations
 from comparisons.scene import Rods, Scene, Springs
 from comparisons.trajectory import Trajectory
 
@@ -44,6 +45,8 @@ class Subject:
     def energy(self) -> np.ndarray:
         """(s,) kinetic + potential + elastic energy of what can move [J]."""
         scene, masses = self.scene, self.scene.masses
+        if scene.bodies is not None:
+            return self.kinetic - (self.trajectory.positions @ scene.gravity) @ self.moving_masses
         m = np.where(masses.free, masses.masses, 0.0)
         x, v = self.trajectory.positions, self.trajectory.velocities
         total = 0.5 * np.sum(v**2, axis=2) @ m - (x @ scene.gravity) @ m
@@ -51,17 +54,79 @@ class Subject:
             total = total + 0.5 * np.sum((self._lengths(spring) - spring.lengths) ** 2 / spring.compliances, axis=1)
         return total
 
+    @property
+    def bodies(self) -> Bodies:
+        """The scene's rigid bodies; `Refused` where it has none."""
+        if self.scene.bodies is None:
+            raise Refused("a metric of rigid bodies in a scene of point masses", "ask for other metrics")
+        return self.scene.bodies
+
+    @property
+    def orientations(self) -> np.ndarray:
+        """Of the trajectory's bodies: (s, n) angles [rad] or (s, n, 4) quaternions; `Refused` where it has none."""
+        return _told(self.trajectory.orientations, "orientations")
+
+    @property
+    def spins(self) -> np.ndarray:
+        """Of the trajectory's bodies: (s, n) or (s, n, 3) [rad/s]; `Refused` where it has none."""
+        return _told(self.trajectory.spins, "spins")
+
+    @cached_property
+    def moving_masses(self) -> np.ndarray:
+        """(n,) masses of the bodies [kg], 0 for the fixed."""
+        return np.where(self.bodies.free, self.bodies.masses, 0.0)
+
+    @cached_property
+    def kinetic(self) -> np.ndarray:
+        """(s,) kinetic energy of the bodies [J]."""
+        linear = 0.5 * np.sum(self.trajectory.velocities**2, axis=2) @ self.moving_masses
+        return linear + 0.5 * np.sum(self.body_spins * self.body_momenta, axis=(1, 2))
+
+    @cached_property
+    def body_spins(self) -> np.ndarray:
+        """(s, n, 1) in 2D, (s, n, 3) along the body axes in 3D [rad/s]."""
+        d = len(self.scene.gravity)
+        if d == 2:
+            return self.spins[..., None]
+        return np.einsum("snij,sni->snj", rotations(self.orientations, d), self.spins)
+
+    @cached_property
+    def body_momenta(self) -> np.ndarray:
+        """(s, n, 1 or 3) angular momenta about the centres, along the body axes [kg m^2/s]; 0 for the fixed."""
+        return self.body_spins * np.where(self.bodies.free[:, None], self.bodies.inertias, 0.0)
+
     @cached_property
     def energy_scale(self) -> float:
-        """What an energy error is measured in [J]: m g L of all that can fall, or the energy at the start."""
+        """What an energy error is measured in [J]: m g L of all that can fall, or the energy at the start.
+
+        Of bodies: kinetic energy at the start and m g times the distance of each centre from the floor.
+        """
         scene, masses = self.scene, self.scene.masses
+        if scene.bodies is not None:
+            weights = self.moving_masses * float(np.linalg.norm(scene.gravity))
+            return float(self.kinetic[0] + weights @ np.abs(self.above_floor[0])) or 1.0
         fall = float(np.sum(masses.masses[masses.free])) * float(np.linalg.norm(scene.gravity)) * reach(scene)
         return max(fall, abs(float(self.energy[0]))) or 1.0
+
+    @cached_property
+    def above_floor(self) -> np.ndarray:
+        """(s, n) distances of the bodies' centres from the plane that is most level [m]; 0 where there is none."""
+        scene, x = self.scene, self.trajectory.positions
+        if scene.planes is None or len(scene.planes.offsets) == 0:
+            return np.zeros(x.shape[:2])
+        floor = int(np.argmin(scene.planes.normals @ scene.gravity))
+        return x @ scene.planes.normals[floor] - scene.planes.offsets[floor]
 
     @property
     def rods(self) -> list[Rods]:
         """The rigid links."""
         return self.scene.of(Rods)
+
+
+def _told(values: np.ndarray | None, what: str) -> np.ndarray:
+    if values is None:
+        raise Refused(f"a metric that needs {what}, which the run does not tell", "ask for other metrics")
+    return values
 
 
 def reach(scene: Scene) -> float:

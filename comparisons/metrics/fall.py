@@ -1,4 +1,4 @@
-"""How far the free particles have moved along gravity at the end."""
+"""How far what is free has moved along gravity at the end."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ TITLE = "fall"
 
 
 def measure(subject: Subject) -> float:
-    """Mean over free particles of (x(end) - x(0)) . g / |g|."""
+    """Mean over what is free of (x(end) - x(0)) . g / |g|."""
     pull = float(np.linalg.norm(subject.scene.gravity))
     if pull == 0.0:
         raise Refused("fall of a scene without gravity", "ask for other metrics")
-    x = subject.trajectory.positions[:, subject.scene.masses.free]
+    free = subject.scene.masses.free if subject.scene.bodies is None else subject.scene.bodies.free
+    x = subject.trajectory.positions[:, free]
     return float(np.mean((x[-1] - x[0]) @ subject.scene.gravity) / pull)

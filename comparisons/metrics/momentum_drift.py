@@ -11,10 +11,11 @@ TITLE = "momentum drift"
 
 
 def measure(subject: Subject) -> float:
-    """max |P(t) - P(0) - M g t|; needs a scene in which nothing is pinned."""
-    masses = subject.scene.masses
-    if masses.pinned:
-        raise Refused("momentum of a scene that is held by pinned particles", "ask for other metrics")
-    momentum = np.einsum("sid,i->sd", subject.trajectory.velocities, masses.masses)
-    pushed = masses.masses.sum() * subject.trajectory.times[:, None] * subject.scene.gravity
+    """max |P(t) - P(0) - M g t|; needs a scene in which nothing is pinned or fixed, and no planes."""
+    scene, bodies = subject.scene, subject.scene.bodies
+    if scene.masses.pinned or scene.planes is not None or (bodies is not None and bodies.fixed):
+        raise Refused("momentum of a scene that is held from outside", "ask for other metrics")
+    masses = scene.masses.masses if bodies is None else bodies.masses
+    momentum = np.einsum("sid,i->sd", subject.trajectory.velocities, masses)
+    pushed = masses.sum() * subject.trajectory.times[:, None] * scene.gravity
     return float(np.linalg.norm(momentum - momentum[0] - pushed, axis=1).max())

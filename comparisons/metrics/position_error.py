@@ -1,4 +1,4 @@
-"""Largest over the samples of the rms over free particles of the distance to the reference."""
+"""Largest over the samples of the rms over what is free of the distance to the reference or closed form."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ TITLE = "position error"
 def measure(subject: Subject) -> float:
     """Raises `Refused` where the scene has no reference, or is longer than its predictability horizon."""
     scene = subject.scene
+    if scene.bodies is not None:
+        if scene.exact is None:
+            raise Refused("position error of a scene without a closed form", "ask for other metrics")
+        return _rms(subject.trajectory.positions - scene.exact(subject.trajectory.times).positions, scene.bodies.free)
     try:
         reference, limit = store.reference(scene)
     except NoReference as reason:
@@ -24,5 +28,8 @@ def measure(subject: Subject) -> float:
             f"position error past the predictability horizon of {limit:g} s",
             f"set scene.duration to at most {limit:g}, or ask for other metrics",
         )
-    difference = (subject.trajectory.positions - reference)[:, scene.masses.free]
-    return float(np.sqrt(np.mean(np.sum(difference**2, axis=2), axis=1)).max())
+    return _rms(subject.trajectory.positions - reference, scene.masses.free)
+
+
+def _rms(difference: np.ndarray, free: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(difference[:, free] ** 2, axis=2), axis=1)).max())

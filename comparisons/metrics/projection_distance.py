@@ -17,6 +17,8 @@ def measure(subject: Subject) -> float:
     Meaningful after one step without gravity and velocities, which leaves the solver's work alone.
     """
     scene = subject.scene
+    if not scene.links:
+        raise Refused("distance from an exact projection in a scene without links", "ask for other metrics")
     try:
         exact = store.projection(scene)
     except NoReference as reason:

@@ -18,7 +18,7 @@ import numpy as np
 
 from pbd.intrinsics import prefer_wide_vectors
 from pbd.solvers.incidence import Incidence, differences, spread
-from pbd.solvers.routine import routine, routine_sum
+from pbd.routine import routine, routine_sum
 from pbd.vector import Store
 
 

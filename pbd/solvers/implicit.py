@@ -22,7 +22,7 @@ from pbd.solvers.elastic_energy import Energy, Springs, linearise, value
 from pbd.solvers.incidence import CHUNK, incidence
 from pbd.solvers.newton_cg import NEWTON, RESYNCHRONISED, Accuracy, Workspace, newton
 from pbd.solvers.resynchronisation import balance, resynchronised
-from pbd.solvers.routine import routine
+from pbd.routine import routine
 from pbd.stiffness import Compliance
 from pbd.vector import copy, from_store, zeros
 

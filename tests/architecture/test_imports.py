@@ -20,7 +20,10 @@ MAX_LINES = 300
 VALIDATION = {"pbd.errors", "pbd.fields"}
 """All of the solver that the harness may know, apart from the solver's own adapter."""
 
-OWN_ADAPTERS = {f"comparisons/engines/{name}.py" for name in ("pbd", "shake", "_pbd_scene")}
+OWN_ADAPTERS = {
+    f"comparisons/engines/{name}.py"
+    for name in ("pbd", "rattle", "shake", "_pbd_scene", "particle_boxes", "_particle_boxes_motion")
+}
 """Adapters of the solver itself, and what they share."""
 
 SHARED_WITH_SYMPLECTIC_EULER = {"pbd.jit", "pbd.vector", "pbd.collision"}

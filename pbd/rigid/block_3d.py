@@ -1,0 +1,185 @@
+"""The contact of two bodies in space: up to four normals, and friction of the whole contact - a slip and a twist.
+
+Unknown are the impulses p_k >= 0 of the normals, a tangential one t with |t| <= mu P and a moment s about the normal
+with |s| <= mu sum_k p_k d_k, where P = sum p_k and d_k is the distance of point k from the contact's middle: one budget
+of friction, at the middle. For a pure slip and for a pure twist this is what friction at every point would be; where
+both happen at once it allows up to sqrt 2 times as much.
+
+Four normals of rigid bodies are one more than their contact can tell apart, so K is singular and is not inverted:
+normals, slip and twist are solved one after the other, PASSES times, on velocities held in registers. A slip that sticks
+is solved exactly; one that slides moves along the gradient, whose fixed point opposes t to the velocity of slip.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pbd.jit import device
+
+PASSES = 2
+"""Rounds over the rows of one contact in a projection."""
+
+POINTS = 4
+
+# Columns of `Rows.row`: directions, then 12 numbers a row - the arms' moments r_i x n, r_j x n and I^-1 of them -
+# for four normals, two tangents and the twist; then scalars of each row.
+NORMAL, TANGENT, BINORMAL = 0, 3, 6
+ARMS = 9
+SLIP = ARMS + 12 * POINTS
+TWIST = SLIP + 24
+IMPULSE = TWIST + 12
+BIAS = IMPULSE + 7
+INVERSE = BIAS + 7
+LOW = INVERSE + 7
+CHANGE = LOW + 4
+DIRECTION = CHANGE + 7
+DISTANCE = DIRECTION + 7
+SPENT = DISTANCE + 4
+COUPLING = SPENT + 5
+COLUMNS = COUPLING + 1
+
+
+@device
+def speed_along(row, c, direction, arms, v):
+    """J v of one row; v are velocities and spins of both bodies."""
+    x, y, z = row[c, direction], row[c, direction + 1], row[c, direction + 2]
+    return (
+        x * (v[6] - v[0])
+        + y * (v[7] - v[1])
+        + z * (v[8] - v[2])
+        + row[c, arms + 3] * v[9]
+        + row[c, arms + 4] * v[10]
+        + row[c, arms + 5] * v[11]
+        - row[c, arms] * v[3]
+        - row[c, arms + 1] * v[4]
+        - row[c, arms + 2] * v[5]
+    )
+
+
+@device
+def twist_speed(row, c, v):
+    """The spin of j less that of i, about the normal."""
+    return row[c, 0] * (v[9] - v[3]) + row[c, 1] * (v[10] - v[4]) + row[c, 2] * (v[11] - v[5])
+
+
+@device
+def pushed(row, c, direction, arms, p, mi, mj, v):
+    """v + M^-1 J^T p of one row."""
+    x, y, z = p * row[c, direction], p * row[c, direction + 1], p * row[c, direction + 2]
+    vi = v[0] - mi * x, v[1] - mi * y, v[2] - mi * z
+    vj = v[6] + mj * x, v[7] + mj * y, v[8] + mj * z
+    return vi + turned(row, c, arms + 6, -p, v[3], v[4], v[5]) + vj + turned(row, c, arms + 9, p, v[9], v[10], v[11])
+
+
+@device
+def turned(row, c, column, p, x, y, z):
+    return x + p * row[c, column], y + p * row[c, column + 1], z + p * row[c, column + 2]
+
+
+@device
+def twisted(row, c, p, v):
+    """v + M^-1 J^T p of the twist."""
+    wi = turned(row, c, TWIST + 6, -p, v[3], v[4], v[5])
+    wj = turned(row, c, TWIST + 9, p, v[9], v[10], v[11])
+    return v[0:3] + wi + v[6:9] + wj
+
+
+@device
+def both_motions(motion, i, j):
+    return (
+        motion[i, 0],
+        motion[i, 1],
+        motion[i, 2],
+        motion[i, 3],
+        motion[i, 4],
+        motion[i, 5],
+        motion[j, 0],
+        motion[j, 1],
+        motion[j, 2],
+        motion[j, 3],
+        motion[j, 4],
+        motion[j, 5],
+    )
+
+
+@device
+def set_both_motions(motion, i, j, v):
+    """The ground is written too: nothing can have moved it."""
+    motion[i, 0], motion[i, 1], motion[i, 2] = v[0], v[1], v[2]
+    motion[i, 3], motion[i, 4], motion[i, 5] = v[3], v[4], v[5]
+    motion[j, 0], motion[j, 1], motion[j, 2] = v[6], v[7], v[8]
+    motion[j, 3], motion[j, 4], motion[j, 5] = v[9], v[10], v[11]
+
+
+@device
+def solve_block(row, c, points, motion, i, j, mu):
+    """One projection of contact c; returns the square of its change in the norm of K's diagonal."""
+    v = both_motions(motion, i, j)
+    mi, mj = motion[i, 6], motion[j, 6]
+    for r in range(7):
+        row[c, CHANGE + r] = row[c, IMPULSE + r]
+    for _ in range(PASSES):
+        total, lever = row[c, SPENT], row[c, SPENT + 3]
+        for k in range(points):
+            arms = ARMS + 12 * k
+            old = row[c, IMPULSE + k]
+            new = old - row[c, INVERSE + k] * (speed_along(row, c, NORMAL, arms, v) + row[c, BIAS + k])
+            new = max(new, row[c, LOW + k])
+            row[c, IMPULSE + k] = new
+            v = pushed(row, c, NORMAL, arms, new - old, mi, mj, v)
+            total += new
+            lever += new * row[c, DISTANCE + k]
+        limit = mu * max(total, 0.0)
+        first, second = row[c, IMPULSE + 4], row[c, IMPULSE + 5]
+        next_first, next_second = slip(row, c, v, limit)
+        row[c, IMPULSE + 4], row[c, IMPULSE + 5] = next_first, next_second
+        v = pushed(row, c, TANGENT, SLIP, next_first - first, mi, mj, v)
+        v = pushed(row, c, BINORMAL, SLIP + 12, next_second - second, mi, mj, v)
+        old = row[c, IMPULSE + 6]
+        limit = mu * max(lever, 0.0)
+        spent = row[c, SPENT + 4]
+        new = old - row[c, INVERSE + 6] * (twist_speed(row, c, v) + row[c, BIAS + 6])
+        new = max(-limit, min(limit, new + spent)) - spent
+        row[c, IMPULSE + 6] = new
+        v = twisted(row, c, new - old, v)
+    set_both_motions(motion, i, j, v)
+    square = 0.0
+    for r in range(7):
+        change = row[c, IMPULSE + r] - row[c, CHANGE + r]
+        row[c, CHANGE + r] = change
+        if row[c, INVERSE + r] > 0.0:
+            square += change * change / row[c, INVERSE + r]
+    return square
+
+
+@device
+def slip(row, c, v, limit):
+    """The tangential impulses: what sticks, or else a step of the projected gradient on the disc of friction."""
+    first, second = row[c, IMPULSE + 4], row[c, IMPULSE + 5]
+    u1 = speed_along(row, c, TANGENT, SLIP, v) + row[c, BIAS + 4]
+    u2 = speed_along(row, c, BINORMAL, SLIP + 12, v) + row[c, BIAS + 5]
+    k11, k22, k12 = 1.0 / row[c, INVERSE + 4], 1.0 / row[c, INVERSE + 5], row[c, COUPLING]
+    inverse = 1.0 / (k11 * k22 - k12 * k12)
+    spent1, spent2 = row[c, SPENT + 1], row[c, SPENT + 2]
+    t1, t2 = first - inverse * (k22 * u1 - k12 * u2) + spent1, second - inverse * (k11 * u2 - k12 * u1) + spent2
+    square = t1 * t1 + t2 * t2
+    if square > limit * limit:
+        step = 1.0 / max(k11, k22)
+        t1, t2 = first - step * u1 + spent1, second - step * u2 + spent2
+        square = t1 * t1 + t2 * t2
+        if square > limit * limit:
+            scale = limit / math.sqrt(square)
+            t1, t2 = scale * t1, scale * t2
+    return t1 - spent1, t2 - spent2
+
+
+@device
+def pushed_bodies(row, c, points, motion, i, j, column):
+    """Push both bodies by the impulses in columns from ``column`` on."""
+    v = both_motions(motion, i, j)
+    mi, mj = motion[i, 6], motion[j, 6]
+    for k in range(points):
+        v = pushed(row, c, NORMAL, ARMS + 12 * k, row[c, column + k], mi, mj, v)
+    v = pushed(row, c, TANGENT, SLIP, row[c, column + 4], mi, mj, v)
+    v = pushed(row, c, BINORMAL, SLIP + 12, row[c, column + 5], mi, mj, v)
+    set_both_motions(motion, i, j, twisted(row, c, row[c, column + 6], v))

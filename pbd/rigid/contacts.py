@@ -1,0 +1,358 @@
+"""Contacts of rigid bodies with each other and with planes: found once per step, projected in every sub-step.
+
+Candidate pairs are sought only when a body may have left the margin with which they were sought before (a Verlet
+list), so that a heap at rest pays nothing for it. What a contact remembers - forces, what sticking friction has slipped -
+stays with its pair, and in it with the features that touch.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pbd.arrays import broadcast, number, real_array
+from pbd.collision.cells import Cells, find_pairs, new_cells
+from pbd.collision.plane import Planes
+from pbd.errors import InvalidInput
+from pbd.jit import device
+from pbd.rigid import rows_2d, rows_3d
+from pbd.rigid.bodies import Bodies
+from pbd.rigid.rows import (
+    detect_row,
+    extrapolate_row,
+    foresee_row,
+    keep_row,
+    mark_row,
+    pair_of_row,
+    project_row,
+    recall_row,
+    refresh_row,
+    settle_row,
+    start_row,
+    turn_over_row,
+    warm_start_row,
+)
+from pbd.routine import routine
+from pbd.state import CHANGE, EARLIEST, IMPACTS, LACKING, PAIRS_TESTED
+from pbd.vector import Store, zeros
+
+PAIRS, ACTIVE, BUILDS, WAIT = range(4)
+"""Places in `Contacts.counts`: candidate pairs, those that touch or may soon, searches, sub-steps to the next look."""
+
+FARTHEST = 0.1
+"""Contacts are found anew within a step before any body has moved by more than this share of its radius."""
+
+SKIN = 0.1
+"""How far bodies may move before pairs are sought anew, over the median bounding radius."""
+
+PAIRS_PER_BODY = {2: 6, 3: 14}
+"""Room for candidate pairs to begin with; a run that needs more starts again with it."""
+
+SPECULATIVE = 1e-3
+"""A contact is kept while its gap is less than this share of a body's radius, beside what may close in the step."""
+
+
+class Contacts(NamedTuple):
+    """All contacts of a group of bodies; see `contacts` for what the numbers mean.
+
+    active (capacity,) : the rows that touch or may within the step
+    counts (4,) : PAIRS, ACTIVE, BUILDS, WAIT
+    built, reach : where bodies were when pairs were sought, and the radius of each that was allowed for
+    speed (n + 1,) : of each body's fastest point at the start of the step; 0 for the ground
+    table : an open hash table of the pairs that remember
+    """
+
+    rows: Any
+    planes: Planes
+    friction: float
+    restitution: float
+    gravity: float
+    most_push: float
+    skin: float
+    cells: Cells
+    pairs: np.ndarray
+    active: np.ndarray
+    counts: np.ndarray
+    built: Store
+    reach: np.ndarray
+    speed: np.ndarray
+    table: np.ndarray
+
+    def grown(self, capacity: int) -> Contacts:
+        """The same with room for so many pairs (called by Python, not by kernels)."""
+        new_rows = rows_2d.new_rows if len(self.built) == 2 else rows_3d.new_rows
+        return self._replace(
+            rows=new_rows(capacity),
+            pairs=np.zeros((capacity, 2), dtype=np.int64),
+            active=np.zeros(capacity, dtype=np.int64),
+            table=np.zeros(1 << (2 * capacity - 1).bit_length(), dtype=np.int64),
+        )
+
+    def detect(self, state, h, left):
+        self.counts[WAIT] -= 1
+        if self.counts[WAIT] <= 0:
+            detect_all(self, state, h, left)
+
+    def mark(self, state):
+        mark_all(self, state)
+
+    def warm_start(self, state, h):
+        warm_start_all(self, state, h)
+
+    def foresee(self, state, h, whole):
+        foresee_all(self, state, h, whole)
+
+    def project(self, state, h):
+        project_all(self, state, h)
+
+    def extrapolate(self, state, share):
+        extrapolate_all(self, state, share)
+
+    def turn_over(self, state, h):
+        turn_over_all(self, state, h)
+
+    def settle(self, state, h, steady):
+        settle_all(self, state, h, steady)
+
+
+@routine
+def detect_all(contacts, state, h, left):
+    bodies, rows = state.bodies, contacts.rows
+    fastest = note_speeds(contacts, bodies)
+    wait = left
+    if fastest * h * left > FARTHEST:
+        wait = max(1, int(FARTHEST / (fastest * h)))
+    contacts.counts[WAIT] = wait
+    dt = h * wait
+    if is_stale(contacts, bodies, dt):
+        seek_pairs(contacts, state, dt)
+    fall, active = contacts.gravity * dt * dt, 0
+    for c in range(contacts.counts[PAIRS]):
+        i, j, _ = pair_of_row(rows, c)
+        margin = dt * (contacts.speed[i] + contacts.speed[j]) + fall + SPECULATIVE * bodies.radius[i]
+        if detect_row(rows, c, bodies, contacts.planes, margin):
+            contacts.active[active] = c
+            refresh_row(rows, c, bodies)
+            active += 1
+    contacts.counts[ACTIVE] = active
+    state.work[PAIRS_TESTED] += contacts.counts[PAIRS]
+
+
+@routine
+def mark_all(contacts, state):
+    for k in range(contacts.counts[ACTIVE]):
+        mark_row(contacts.rows, contacts.active[k], state.bodies)
+
+
+@routine
+def warm_start_all(contacts, state, h):
+    for k in range(contacts.counts[ACTIVE]):
+        warm_start_row(contacts.rows, contacts.active[k], state.bodies, h)
+
+
+@routine
+def foresee_all(contacts, state, h, whole):
+    limits = (contacts.most_push, slowest_impact(contacts.restitution, contacts.gravity * whole), 1.0 / whole)
+    for k in range(contacts.counts[ACTIVE]):
+        when = foresee_row(contacts.rows, contacts.active[k], state.bodies, h, limits)
+        if when < math.inf:
+            state.signals[IMPACTS] += 1.0
+            state.signals[EARLIEST] = min(state.signals[EARLIEST], when)
+
+
+@routine
+def project_all(contacts, state, h):
+    total = 0.0
+    for k in range(contacts.counts[ACTIVE]):
+        total += project_row(contacts.rows, contacts.active[k], state.bodies, contacts.friction)
+    state.signals[CHANGE] += total
+    state.work[0] += contacts.counts[ACTIVE]
+
+
+@routine
+def extrapolate_all(contacts, state, share):
+    for k in range(contacts.counts[ACTIVE]):
+        extrapolate_row(contacts.rows, contacts.active[k], state.bodies, share)
+
+
+@routine
+def turn_over_all(contacts, state, h):
+    for k in range(contacts.counts[ACTIVE]):
+        turn_over_row(contacts.rows, contacts.active[k], state.bodies, h, contacts.friction, contacts.restitution)
+
+
+@routine
+def settle_all(contacts, state, h, steady):
+    for k in range(contacts.counts[ACTIVE]):
+        settle_row(contacts.rows, contacts.active[k], h, steady)
+
+
+@device
+def slowest_impact(restitution, kick):
+    """Impacts slower than this [m/s] do not bounce: those whose whole sequence of bounces ends within the sub-step.
+
+    A bounce at speed e u lasts 2 e u/g, all that follow it 1/(1 - e) of that; ``kick`` is g h. Without restitution it is
+    the speed that gravity alone gives in a sub-step.
+    """
+    e = restitution
+    return kick * min(1.0, (1.0 - e) / (2.0 * e)) if e > 0.0 else kick
+
+
+@device
+def note_speeds(contacts, bodies):
+    """Speeds of all bodies' fastest points; returns the largest, in radii of its body a second [1/s]."""
+    d, fastest = len(bodies.x), 0.0
+    for i in range(contacts.reach.shape[0]):
+        square, turning = 0.0, 0.0
+        for k in range(d):
+            square += bodies.motion[i, k] * bodies.motion[i, k]
+        for k in range(d, 3 * (d - 1)):
+            turning += bodies.motion[i, k] * bodies.motion[i, k]
+        contacts.speed[i] = math.sqrt(square) + math.sqrt(turning) * bodies.radius[i]
+        fastest = max(fastest, contacts.speed[i] / bodies.radius[i])
+    return fastest
+
+
+@device
+def is_stale(contacts, bodies, dt):
+    """Whether a body may within dt leave the reach with which pairs were sought."""
+    found = contacts.counts[BUILDS] == 0
+    for i in range(contacts.reach.shape[0]):
+        moved = 0.0
+        for k in range(len(bodies.x)):
+            step = bodies.x[k][i] - contacts.built[k][i]
+            moved += step * step
+        found |= math.sqrt(moved) + dt * contacts.speed[i] > contacts.reach[i] - bodies.radius[i]
+    return found
+
+
+@routine
+def seek_pairs(contacts, state, dt):
+    """Seek all pairs anew; contacts that go on keep what they remember."""
+    bodies, rows, counts = state.bodies, contacts.rows, contacts.counts
+    n, capacity = contacts.reach.shape[0], contacts.pairs.shape[0]
+    counts[BUILDS] += 1
+    for i in range(n):
+        contacts.reach[i] = bodies.radius[i] + contacts.skin + 2.0 * dt * contacts.speed[i]
+        for k in range(len(bodies.x)):
+            contacts.built[k][i] = bodies.x[k][i]
+    keep(contacts)
+    found = find_pairs(contacts.cells, bodies.x, contacts.reach, 0.0, contacts.pairs)
+    for c in range(min(found, capacity)):
+        start_row(rows, c, contacts.pairs[c, 0], contacts.pairs[c, 1], -1)
+        recall(contacts, c)
+    for k in range(contacts.planes.offset.shape[0]):
+        for i in range(n):
+            height = -contacts.planes.offset[k]
+            for axis in range(len(bodies.x)):
+                height += contacts.planes.normal[axis][k] * bodies.x[axis][i]
+            if height <= contacts.reach[i]:
+                if found < capacity:
+                    start_row(rows, found, i, n, k)
+                    recall(contacts, found)
+                found += 1
+    counts[PAIRS] = min(found, capacity)
+    if found > capacity:
+        state.work[LACKING] = max(state.work[LACKING], found)
+
+
+@device
+def keep(contacts):
+    """Put what active contacts remember aside, found by their pair in an open hash table."""
+    table, rows, mask = contacts.table, contacts.rows, contacts.table.shape[0] - 1
+    for s in range(table.shape[0]):
+        table[s] = -1
+    for k in range(contacts.counts[ACTIVE]):
+        c = contacts.active[k]
+        keep_row(rows, c, k)
+        s = first_slot(rows, c, mask)
+        while table[s] >= 0:
+            s = (s + 1) & mask
+        table[s] = k
+
+
+@device
+def recall(contacts, c):
+    """Give contact c what it remembers, if it was active before."""
+    table, mask = contacts.table, contacts.table.shape[0] - 1
+    s = first_slot(contacts.rows, c, mask)
+    while table[s] >= 0:
+        if recall_row(contacts.rows, c, table[s]):
+            return
+        s = (s + 1) & mask
+
+
+@device
+def first_slot(rows, c, mask):
+    """Where in the hash table the search for a pair begins."""
+    i, j, plane = pair_of_row(rows, c)
+    return ((i * 73856093) ^ ((j + plane + 1) * 19349663)) & mask
+
+
+def planes(normals: Any, offsets: Any = 0.0) -> Planes:
+    """Fixed half-spaces, solid where n . y < offset.
+
+    Parameters
+    ----------
+    normals : (d,) or (m, d), any length > 0; they point out of the solid
+    offsets : one number or (m,) [m], along the unit normals
+
+    Raises
+    ------
+    InvalidInput : a normal of length 0, offsets that do not fit
+    """
+    given = np.atleast_2d(real_array("normals", normals))
+    lengths = np.linalg.norm(given, axis=-1)
+    if given.ndim != 2 or given.shape[1] not in (2, 3) or not np.all(lengths > 0.0):
+        raise InvalidInput("normals", np.asarray(normals).tolist(), "of 2 or 3 components and length > 0")
+    unit = given / lengths[:, None]
+    return Planes(tuple(np.ascontiguousarray(axis) for axis in unit.T), broadcast("offsets", offsets, (len(unit),)))
+
+
+def contacts(
+    bodies: Bodies,
+    planes: Planes | None = None,
+    *,
+    friction: float = 0.0,
+    restitution: float = 0.0,
+    gravity: float = 9.81,
+    depenetration: float = 1.0,
+) -> Contacts:
+    """Contacts of bodies with each other and with planes.
+
+    Parameters
+    ----------
+    planes : from `planes`
+    friction : Coulomb coefficient mu >= 0, of every pair
+    restitution : Newton's e in [0, 1], of every pair
+    gravity : [m/s^2], >= 0; only sets which impacts are too slow to bounce
+    depenetration : speed [m/s] > 0 with which bodies that overlap are pushed apart at most
+
+    Raises
+    ------
+    InvalidInput : a value outside its range, planes of another dimension
+    """
+    n, d = len(bodies.radius) - 1, len(bodies.x)
+    if planes is not None and len(planes.normal) != d:
+        raise InvalidInput("planes", f"{len(planes.normal)} dimensions", f"{d}, as the bodies have")
+    radius = bodies.radius[:n].copy()
+    made = Contacts(
+        rows=None,
+        planes=planes or Planes(zeros(0, d), np.zeros(0)),
+        friction=number("friction", friction, 0.0, 1e9, "finite and >= 0"),
+        restitution=number("restitution", restitution, 0.0, 1.0, "a number in [0, 1]"),
+        gravity=number("gravity", gravity, 0.0, 1e9, "finite and >= 0 m/s^2"),
+        most_push=number("depenetration", depenetration, 1e-300, 1e9, "finite and > 0 m/s"),
+        skin=SKIN * float(np.median(radius)) if n else 0.0,
+        cells=new_cells(radius, d),
+        pairs=np.zeros((0, 2), dtype=np.int64),
+        active=np.zeros(0, dtype=np.int64),
+        counts=np.zeros(4, dtype=np.int64),
+        built=zeros(n, d),
+        reach=radius,
+        speed=np.zeros(n + 1),
+        table=np.zeros(0, dtype=np.int64),
+    )
+    return made.grown(16 + PAIRS_PER_BODY[d] * n)
