@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from comparisons import engine as engines
+from comparisons.film import Film
 from comparisons.fit import Fit
 from comparisons.record import SCHEMA, Record
 from pbd.errors import InvalidInput, unknown
@@ -43,13 +44,17 @@ class Head(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Panel(msgspec.Struct, frozen=True, kw_only=True):
-    """One pair of axes; labels carry the units. Both axes are logarithmic; y starts at ``lowest`` or above."""
+    """One pair of axes; labels carry the units. Both axes are logarithmic; y starts at ``lowest`` or above.
+
+    rows : where there are some, y is the number of a row, which bears that name, and ``lowest`` is where x starts
+    """
 
     name: str
     title: str
     x: str
     y: str
     lowest: float = 0.0
+    rows: list[str] = []
 
 
 class Series(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,12 +87,14 @@ class Winner(msgspec.Struct, frozen=True, kw_only=True):
 
     seconds : engine -> time of its fastest run that is good enough [s]
     setting : the winner's settings, in words
+    unit : of the error that is to be reached; "1" of a relative one
     """
 
     target: float
     engine: str
     setting: str
     seconds: dict[str, float]
+    unit: str = "m"
 
 
 class Table(msgspec.Struct, frozen=True, kw_only=True):
@@ -118,6 +125,7 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
     sentences: list[str] = []
     winners: list[Winner] = []
     tables: list[Table] = []
+    films: list[Film] = []
 
     def fit(
         self, engine: str, *, panel: str | None = None, method: str | None = None, preset: str | None = None
@@ -154,7 +162,7 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
         write_atomically(Path(path), msgspec.json.format(msgspec.json.encode(self), indent=1))
 
     def plot(self, path: str | Path) -> None:
-        """Draw the study into ``path``; the ending, .png or .svg, is the format."""
+        """Draw the study into ``path``; the ending is the format: .png or .svg, .gif for its films."""
         from reports.figures import draw  # the drawing package is loaded only when a plot is asked for
 
         draw(self, Path(path))

@@ -9,8 +9,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pbd.constraints.contact import plane_contact as plane_contact
     from pbd.constraints.box_contact import box_contacts as box_contacts
+    from pbd.constraints.contact import plane_contact as plane_contact
     from pbd.constraints.corner_contact import corner_planes as corner_planes
     from pbd.constraints.distance import distance as distance
     from pbd.constraints.shape_matching import shape_matching as shape_matching
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from pbd.rigid.bodies import bodies as bodies
     from pbd.rigid.contacts import contacts as contacts
     from pbd.rigid.contacts import planes as planes
+    from pbd.rigid.joints import ball_joint as ball_joint
+    from pbd.rigid.joints import distance_joint as distance_joint
+    from pbd.rigid.joints import hinge as hinge
     from pbd.settings import Settings as Settings
     from pbd.simulation import Outcome as Outcome
     from pbd.simulation import Simulation as Simulation
@@ -51,6 +54,9 @@ _HOME = {
     "ConjugateSweeps": "solvers.conjugate",
     "contacts": "rigid.contacts",
     "planes": "rigid.contacts",
+    "ball_joint": "rigid.joints",
+    "distance_joint": "rigid.joints",
+    "hinge": "rigid.joints",
     "Rattle": "integrators.rattle",
     "Damping": "damping",
     "Direct": "solvers.direct",

@@ -113,8 +113,8 @@ def warm_start(batch, state, h):
 def foresee(batch, state, h, whole):
     """Prepare a position pass over h from the motion that is foreseen, and signal impacts within it.
 
-    h is the ``whole`` sub-step or the part of it up to an impact. What errors there are is undone at the rate of a whole
-    one, or a short part would turn them into speed.
+    h is the ``whole`` sub-step or the part of it up to an impact. Errors are undone at the rate of a whole one, or a
+    short part would turn them into speed.
     """
 
 

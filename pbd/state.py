@@ -25,10 +25,10 @@ WORK = 4
 
 PAIRS_TESTED, LACKING = 2, 3
 
-SIGNALS = 3
-EARLIEST, IMPACTS, CHANGE = range(SIGNALS)
+SIGNALS = 4
+EARLIEST, IMPACTS, CHANGE, SIZE = range(SIGNALS)
 """What constraints of bodies tell the integrator and the solver: when the first impact is [s], how many there are, and
-the square of a sweep's change."""
+the squares [J] of a sweep's change of impulses and of the impulses, in the norm of K."""
 
 
 class Recording(NamedTuple):

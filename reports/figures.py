@@ -18,6 +18,7 @@ from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatt
 
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
+from reports import dots
 from reports.style import RC, colour, looks
 
 FORMATS = ("png", "svg")
@@ -62,8 +63,10 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
     """Panels in rows of ``columns``.
 
     Panels with the same axis labels share their ranges. One legend stands on the right, unless each panel
-    is about one engine's settings: then each has its own.
+    is about one engine's settings: then each has its own. Panels with named rows stand beside each other.
     """
+    if all(_panel_of(cell).rows for cell in cells):
+        return dots.figure([(cell[0], _panel_of(cell)) for cell in cells], title)
     rows = math.ceil(len(cells) / columns)
     own_legends = all(study.kind == "settings" for study, _, _ in cells)
     groups = [_group(cell) for cell in cells]

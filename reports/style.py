@@ -15,6 +15,8 @@ COLOURS = {
     "pypbd": "#CC79A7",
     "shake": "#5D3A9B",
     "dop853": "#444444",
+    "rattle": "#000000",
+    "particle_boxes": "#882255",
 }
 TITLES = {
     "pbd": "PBD",
@@ -25,9 +27,17 @@ TITLES = {
     "pypbd": "pyPBD",
     "shake": "SHAKE",
     "dop853": "DOP853",
+    "rattle": "RATTLE contacts",
+    "particle_boxes": "PBD particle boxes",
     "": "none in the budget",
 }
 OTHER = "#8C564B"
+SHAPES = {"rattle": "D", "particle_boxes": "o", "pybullet": "s", "pymunk": "^", "mujoco": "v", "symplectic_euler": "P"}
+"""Markers of the engines of rigid bodies where points of several of them are strewn over one panel."""
+
+CHEAPER = ("default", "fast")
+"""Presets whose markers are hollow beside another of the same engine."""
+
 CLOSED_FORM = "#999999"
 
 LINES = ("-", "--", ":", "-.")

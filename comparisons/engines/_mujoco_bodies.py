@@ -45,6 +45,7 @@ class BodyModel:
         assert scene.bodies is not None
         self.scene, self.bodies, self.hardness = scene, scene.bodies, CONTACTS.get(contacts)
         self.free, self.dimension, self.dt = np.flatnonzero(scene.bodies.free), len(scene.gravity), option["timestep"]
+        self.inertias = scene.bodies.inertias
         spec = mujoco.MjSpec()
         for name, value in {**option, "gravity": _padded(scene.gravity)}.items():
             setattr(spec.option, name, value)
@@ -76,7 +77,7 @@ class BodyModel:
 
         bodies, planar = self.bodies, self.dimension == 2
         body = spec.worldbody.add_body(pos=_padded(bodies.positions[i]))
-        body.explicitinertial, body.mass, body.inertia = True, bodies.masses[i], bodies.inertias[i] * np.ones(3)
+        body.explicitinertial, body.mass, body.inertia = True, bodies.masses[i], self.inertias[i] * np.ones(3)
         body.ipos = np.zeros(3)  # or else the body's own position, once more
         geom = self._geom(body, i)
         if planar:
@@ -130,7 +131,8 @@ class BodyModel:
         bodies, free, d, count = self.bodies, self.free, self.dimension, len(q)
         start = (bodies.positions, bodies.orientations, np.zeros_like(bodies.velocities), np.zeros_like(bodies.spins))
         x, turned, v, spins = (np.repeat(array[None], count, axis=0) for array in start)
-        q, rates = q.reshape(count, len(free), -1), rates.reshape(count, len(free), -1)
+        places, axes = (3, 3) if d == 2 else (7, 6)
+        q, rates = q.reshape(count, len(free), places), rates.reshape(count, len(free), axes)
         if d == 2:
             x[:, free] += q[..., :2]
             turned[:, free] += q[..., 2]
@@ -141,7 +143,7 @@ class BodyModel:
         v[:, free] = rates[..., :d]
         told: dict[str, Any] = {"orientations": turned, "spins": spins}
         if pushes.size:
-            sums = pushes.reshape(count, len(free), -1)[..., :d].sum(axis=1)
+            sums = pushes.reshape(rates.shape)[..., :d].sum(axis=1)
             told["contact_forces"] = np.linalg.norm(sums, axis=1)
         return from_samples(self.scene.times, x, v, steps, **told)
 

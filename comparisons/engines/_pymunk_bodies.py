@@ -80,14 +80,14 @@ def _build(scene: Scene, settings: Any) -> Any:
     assert bodies is not None
     space.gravity, space.iterations = _pair(scene.gravity), settings.iterations
     space.collision_slop, space.collision_bias = settings.collision_slop, settings.collision_bias
-    shapes = _half_spaces(space, scene, settings.skin)
+    shapes, inertias = _half_spaces(space, scene, settings.skin), bodies.inertias[:, 0]
     for i, shape in enumerate(bodies.shapes):
-        body = pymunk.Body(float(bodies.masses[i]), float(bodies.inertias[i, 0]))
-        if not bodies.free[i]:
+        if bodies.free[i]:
+            body = pymunk.Body(float(bodies.masses[i]), float(inertias[i]))
+            body.velocity, body.angular_velocity = _pair(bodies.velocities[i]), float(bodies.spins[i])
+        else:
             body = pymunk.Body(body_type=pymunk.Body.STATIC)
         body.position, body.angle = _pair(bodies.positions[i]), float(bodies.orientations[i])
-        if bodies.free[i]:
-            body.velocity, body.angular_velocity = _pair(bodies.velocities[i]), float(bodies.spins[i])
         space.add(body)
         if isinstance(shape, Box):
             width, height = shape.size

@@ -141,7 +141,7 @@ def _world(scene: Scene, stiffness: float, room: int) -> World:
         planes,
         tuple(float(g) for g in scene.gravity),
         Law(stiffness * np.where(bodies.free, bodies.masses, math.inf), ratio, float(scene.friction)),
-        Patch(zeros(points, d), np.zeros(points), np.zeros(points), zeros(points, d), zeros(points, d)),
+        _patch(points, d),
         _memory(len(planes.offset) * n + pairs, points, d),
         _neighbours(n, pairs, points, d, SKIN * float(np.median(shapes.bound))),
         zeros(1, d),
@@ -153,6 +153,11 @@ def _planes(scene: Scene) -> Planes:
     if scene.planes is None:
         return Planes(zeros(0, len(scene.gravity)), np.zeros(0))
     return Planes(to_store(scene.planes.normals), np.array(scene.planes.offsets, dtype=float))
+
+
+def _patch(points: int, d: int) -> Patch:
+    depth, weight, part = np.zeros((3, points))
+    return Patch(zeros(points, d), depth, weight, part, zeros(points, d), zeros(points, d), zeros(points, d))
 
 
 def _neighbours(n: int, pairs: int, points: int, d: int, skin: float) -> Neighbours:

@@ -69,13 +69,13 @@ def press(world, m, a, b, normal, count, h):
     feel together. Returns the total force on a.
     """
     patch, total = world.patch, zero(world.state.x)
-    active, weight, centre = gather(patch, count)
+    active, weight, centre = gather(world, a, b, normal, count, h)
     if world.law.friction > 0.0:
         recall(world, m, a, b, normal, active)
     if active > 0:
         springs = coefficients(world, a, b, normal, weight, scale(1.0 / weight, centre), h)
         for c in range(active):
-            force = push(world, a, b, normal, c, springs, h)
+            force = push(patch, c, normal, springs, world.law.friction, h)
             total = add(total, force)
             add_force(world.state, a, load(patch.point, c), 1.0, force)
             if b >= 0:
@@ -87,18 +87,31 @@ def press(world, m, a, b, normal, count, h):
 
 
 @device
-def gather(patch, count):
-    """Move the points that touch to the front: (their number, sum of weights, weighted sum of points)."""
-    active, weight, centre = 0, 0.0, zero(patch.point)
+def gather(world, a, b, normal, count, h):
+    """Bring the points that touch to the front: (their number, sum of weights, weighted sum of points).
+
+    Depths become means over the step around now, of which a point that comes or leaves touches only a part: springs
+    and, the more, dampers that begin and end with whole steps would make a rebound err by h.
+    """
+    patch = world.patch
+    active, total, centre = 0, 0.0, zero(patch.point)
     for c in range(count):
-        if patch.depth[c] > 0.0 and patch.weight[c] > 0.0:
-            patch.depth[active] = patch.depth[c]
-            patch.weight[active] = patch.weight[c]
-            store(patch.point, active, load(patch.point, c))
-            weight += patch.weight[active]
-            centre = add(centre, scale(patch.weight[active], load(patch.point, active)))
+        point, depth, weight = load(patch.point, c), patch.depth[c], patch.weight[c]
+        velocity = velocity_at(world.state, a, point)
+        if b >= 0:
+            velocity = subtract(velocity, velocity_at(world.state, b, point))
+        way = 0.5 * h * abs(dot(velocity, normal))
+        if depth > -way and weight > 0.0:
+            inside = depth >= way
+            patch.part[active] = 1.0 if inside else 0.5 * (depth + way) / way
+            patch.depth[active] = depth if inside else 0.25 * (depth + way) ** 2 / way
+            patch.weight[active] = weight
+            store(patch.point, active, point)
+            store(patch.velocity, active, velocity)
+            total += weight
+            centre = add(centre, scale(weight, point))
             active += 1
-    return active, weight, centre
+    return active, total, centre
 
 
 @device
@@ -136,37 +149,24 @@ def mobility(state, i, normal, point):
 
 
 @device
-def push(world, a, b, normal, c, springs, h):
+def push(patch, c, normal, springs, friction, h):
     """The force of point c on body a."""
     k, damping, k_t, damping_t = springs
-    patch, point = world.patch, load(world.patch.point, c)
-    velocity = velocity_at(world.state, a, point)
-    if b >= 0:
-        velocity = subtract(velocity, velocity_at(world.state, b, point))
+    velocity = load(patch.velocity, c)
     approach = -dot(velocity, normal)
-    pressure = k * patch.depth[c] + damping * approach * in_touch(patch.depth[c], h * abs(approach))
+    pressure = k * patch.depth[c] + patch.part[c] * damping * approach
     force = scale(pressure, normal)
-    if world.law.friction > 0.0:
+    if friction > 0.0:
         across = add(velocity, scale(approach, normal))
         slip = add(load(patch.slip, c), scale(h, across))
         pull = add(scale(k_t, slip), scale(damping_t, across))
-        size, limit = math.sqrt(dot(pull, pull)), world.law.friction * max(pressure, 0.0)
+        size, limit = math.sqrt(dot(pull, pull)), friction * max(pressure, 0.0)
         if size > limit:
             pull = scale(limit / size, pull)
             slip = scale(1.0 / k_t, subtract(pull, scale(damping_t, across)))
         store(patch.slip, c, slip)
         force = subtract(force, pull)
     return scale(patch.weight[c], force)
-
-
-@device
-def in_touch(depth, way):
-    """Which part of the step around now a point touches that goes ``way`` in a step.
-
-    It is not 1 where the point just came or is about to leave: the damper's force begins and ends with a jump, unlike
-    the spring's, and counted in whole steps it would err by h.
-    """
-    return 0.5 + depth / way if depth < way else 1.0
 
 
 @device
@@ -186,10 +186,10 @@ def add_force(state, i, point, sign, force):
 @device
 def add_contacts(world, h):
     """Add the forces of all contacts; False when there are more pairs than the list of neighbours has room for."""
-    if have_moved(world) and not list_pairs(world):
+    if have_moved(world, h) and not list_pairs(world):
         return False
     for m in range(behind(world) + world.neighbours.listed[0]):
-        a, b, count, normal = find(world, m)
+        a, b, count, normal = find(world, m, h)
         force = press(world, m, a, b, normal, count, h)
         if b < 0:
             accumulate(world.reaction, 0, 1.0, force)
@@ -198,12 +198,25 @@ def add_contacts(world, h):
 
 
 @device
-def find(world, m):
+def find(world, m, h):
     """Pair m, first of bodies and planes, then of neighbours: (a, b, number of contact points, unit normal to a)."""
-    n, p = world.state.w.shape[0], m - behind(world)
+    state, p = world.state, m - behind(world)
     if p < 0:
-        count = find_on_plane(world.patch, world.state, world.shapes, world.planes, m // n, m % n)
-        return m % n, -1, count, load(world.planes.normal, m // n)
+        k, a = m // state.w.shape[0], m % state.w.shape[0]
+        normal, count = load(world.planes.normal, k), 0
+        if state.w[a] > 0.0:
+            way = half_way(state, world.shapes, a, load(state.v, a), h)
+            count = find_on_plane(world.patch, state, world.shapes, world.planes, k, a, way)
+        return a, -1, count, normal
     a, b = world.neighbours.first[p], world.neighbours.second[p]
-    count, normal = find_between(world.patch, world.state, world.shapes, a, b)
+    way = half_way(state, world.shapes, a, subtract(load(state.v, a), load(state.v, b)), h)
+    way += half_way(state, world.shapes, b, zero(state.v), h)
+    count, normal = find_between(world.patch, state, world.shapes, a, b, way)
     return a, b, count, normal
+
+
+@device
+def half_way(state, shapes, i, velocity, h):
+    """At most so far goes any point of body i in half a step, at a velocity of its centre."""
+    spin = load(state.spin, i)
+    return 0.5 * h * (math.sqrt(dot(velocity, velocity)) + math.sqrt(dot(spin, spin)) * shapes.bound[i])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pbd.jit import device
-from pbd.vector import Store, dot, load, scale, store, subtract, zero
+from pbd.vector import Store, add, dot, load, scale, store, subtract, zero
 
 SAME = 0.2
 """A point is the one of the last step that was within this part of the smaller body's bounding radius."""
@@ -65,11 +65,12 @@ def remember(world, m, active):
 
 
 @device
-def have_moved(world):
-    """Whether any centre is farther than half the skin from where it was seen."""
+def have_moved(world, h):
+    """Whether any centre will, in half a step, be farther than half the skin from where it was seen."""
     limit = 0.25 * world.neighbours.skin * world.neighbours.skin
     for i in range(world.state.w.shape[0]):
-        way = subtract(load(world.state.x, i), load(world.neighbours.seen, i))
+        soon = add(load(world.state.x, i), scale(0.5 * h, load(world.state.v, i)))
+        way = subtract(soon, load(world.neighbours.seen, i))
         if dot(way, way) > limit:
             return True
     return False

@@ -1,9 +1,8 @@
 """Where boxes and balls touch planes and each other: points, depths, and the normal of a pair, in 2D and 3D at once.
 
-A face is clipped to a polygon, in 2D of two corners, and every corner below the other face pushes. Springs ask more of
-this than a solver of constraints does: no point may appear or vanish under load, or energy comes out of nothing. So
-all corners are kept, corners about to become one share the stiffness of one, and the normal is always that of least
-overlap. Still the weights vary within `BLUNT` of a rim, where an impact may gain or lose some per cent.
+Springs ask more of this than a solver of constraints does: no point may appear or vanish under load, or energy comes
+out of nothing. So all points are kept, and the normal is always that of least overlap. Where the nearest features
+change during an impact - a corner slips over a rim - its energy still errs, by some per cent.
 """
 
 from __future__ import annotations
@@ -13,19 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from comparisons.engines._symplectic_euler_polygons import clip_face
 from comparisons.engines._symplectic_euler_space import by_dimension
 from pbd.collision.ball_box import ball_ball, ball_box
 from pbd.collision.frames import cross
 from pbd.collision.plane import height
 from pbd.jit import device
-from pbd.vector import Store, accumulate, add, dot, load, negate, scale, store, subtract
+from pbd.vector import Store, add, dot, load, negate, scale, store, subtract
 
 PARALLEL = 1e-4
 """Squared sine of the angle below which directions are the same. Parallel edges have nothing to say, and boxes that lie
 flat on each other touch with faces, though two of their edges may by a little overlap less."""
-
-BLUNT = 0.01
-"""Corners of a contact nearer than this part of the smaller body's bounding radius share the stiffness of one."""
 
 
 class Shapes(NamedTuple):
@@ -37,21 +34,24 @@ class Shapes(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """The contact of one pair: points, depths [m], weights, tangential displacements [m]; scratch points."""
+    """The contact of one pair: points, their depths [m] and weights, and what `_symplectic_euler_contacts` adds: parts
+    of the step that they touch, relative velocities, tangential displacements [m]. ``spare``: scratch points."""
 
     point: Store
     depth: np.ndarray
     weight: np.ndarray
+    part: np.ndarray
+    velocity: Store
     slip: Store
     spare: Store
 
 
 @device
-def find_on_plane(patch, state, shapes, planes, k, i):
-    """Points of body i below plane k: a ball's lowest, or a box's corners; returns their number."""
+def find_on_plane(patch, state, shapes, planes, k, i, margin):
+    """Points of body i less than a margin above plane k: a ball's lowest, or a box's corners; returns their number."""
     centre = load(state.x, i)
     above = height(planes, k, centre)
-    if above >= shapes.bound[i]:
+    if above >= shapes.bound[i] + margin:
         return 0
     if shapes.radius[i] > 0.0:
         one_point(patch, shapes.radius[i] - above, add(centre, scale(-shapes.radius[i], load(planes.normal, k))))
@@ -63,7 +63,7 @@ def find_on_plane(patch, state, shapes, planes, k, i):
             side = shapes.half[axis][i] if (c >> axis) & 1 else -shapes.half[axis][i]
             corner = add(corner, scale(side, load(state.axes[axis], i)))
         depth = -height(planes, k, corner)
-        if depth > 0.0:
+        if depth > -margin:
             store(patch.point, count, corner)
             patch.depth[count] = depth
             patch.weight[count] = 1.0
@@ -72,20 +72,22 @@ def find_on_plane(patch, state, shapes, planes, k, i):
 
 
 @device
-def find_between(patch, state, shapes, a, b):
-    """Points where bodies a and b overlap: (their number, the unit normal from b to a)."""
+def find_between(patch, state, shapes, a, b, margin):
+    """Points where bodies a and b overlap or are nearer than a margin: (their number, unit normal from b to a)."""
     between = subtract(load(state.x, a), load(state.x, b))
-    reach = shapes.bound[a] + shapes.bound[b]
+    reach = shapes.bound[a] + shapes.bound[b] + margin
     if dot(between, between) >= reach * reach:
         return 0, between
     if shapes.radius[a] == 0.0 and shapes.radius[b] == 0.0:
-        return boxes(patch, state, shapes, a, b, between)
+        return boxes(patch, state, shapes, a, b, between, margin)
     if shapes.radius[a] == 0.0 or shapes.radius[b] == 0.0:
         ball, box = (a, b) if shapes.radius[a] > 0.0 else (b, a)
-        hit, point, gap, normal = ball_box(load(state.x, ball), shapes.radius[ball], placed(state, shapes, box), 0.0)
+        hit, point, gap, normal = ball_box(load(state.x, ball), shapes.radius[ball], placed(state, shapes, box), margin)
         normal = scale(1.0 if ball == b else -1.0, normal)
     else:
-        hit, point, gap, normal = ball_ball(load(state.x, b), shapes.radius[b], load(state.x, a), shapes.radius[a], 0.0)
+        hit, point, gap, normal = ball_ball(
+            load(state.x, b), shapes.radius[b], load(state.x, a), shapes.radius[a], margin
+        )
     one_point(patch, -gap, point)
     return 1 if hit else 0, normal
 
@@ -117,7 +119,7 @@ def one_point(patch, depth, point):
 
 
 @device
-def boxes(patch, state, shapes, a, b, between):
+def boxes(patch, state, shapes, a, b, between, margin):
     """By separating axes (Gottschalk et al. 1996): the face of least overlap, or in 3D two edges that overlap less."""
     gap, owner, axis, side = -math.inf, a, 0, 1.0
     for k in range(2 * len(state.x)):
@@ -128,9 +130,9 @@ def boxes(patch, state, shapes, a, b, between):
         if found > gap:
             gap, owner, axis, side = found, r, face, math.copysign(1.0, along)
     normal = scale(side, load(state.axes[axis], owner))
-    if gap >= 0.0:
+    if gap >= margin:
         return 0, normal
-    count, edge_normal = edges(normal, patch, state, shapes, a, b, between, gap)
+    count, edge_normal = edges(normal, patch, state, shapes, a, b, between, (gap, margin))
     if count >= 0:
         return count, edge_normal
     other, outward = (b, -1.0) if owner == a else (a, 1.0)
@@ -146,84 +148,15 @@ def extent(state, shapes, i, direction):
     return reach
 
 
-@device
-def clip_face(patch, state, shapes, r, i, axis, outward):
-    """Clip the face of box i that looks at face ``axis`` of box r by the sides of r (Sutherland and Hodgman 1974)."""
-    source, target = patch.point, patch.spare
-    count = opposite_face(source, state, shapes, i, outward)
-    for k in range(len(state.x)):
-        if k != axis:
-            for turn in range(2):
-                side = scale(1.0 - 2.0 * turn, load(state.axes[k], r))
-                limit = shapes.half[k][r] + dot(load(state.x, r), side)
-                count = clip(source, target, count, side, limit)
-                source, target = target, source
-    surface = shapes.half[axis][r] + dot(load(state.x, r), outward)
-    share(patch, count, BLUNT * min(shapes.bound[r], shapes.bound[i]))
-    for c in range(count):
-        patch.depth[c] = surface - dot(load(patch.point, c), outward)
-        accumulate(patch.point, c, 0.5 * patch.depth[c], outward)
-    return count
-
-
-@device
-def opposite_face(corners, state, shapes, i, outward):
-    """The corners, in turn, of the face of box i that is most opposed to a direction; returns their number."""
-    face, most = 0, 0.0
-    for k in range(len(state.x)):
-        along = dot(load(state.axes[k], i), outward)
-        if abs(along) > abs(most):
-            face, most = k, along
-    count = 1 << (len(state.x) - 1)
-    middle = add(load(state.x, i), scale(-math.copysign(shapes.half[face][i], most), load(state.axes[face], i)))
-    for c in range(count):
-        code, corner = c ^ (c >> 1), middle  # a Gray code: one sign changes from corner to corner
-        for k in range(len(state.x)):
-            if k != face:
-                half = shapes.half[k][i] if code & 1 else -shapes.half[k][i]
-                corner = add(corner, scale(half, load(state.axes[k], i)))
-                code >>= 1
-        store(corners, c, corner)
-    return count
-
-
-@device
-def clip(source, target, count, side, limit):
-    """The part of a polygon where side . p <= limit; returns its number of corners."""
-    kept = 0
-    for c in range(count):
-        here, there = load(source, c), load(source, (c + 1) % count)
-        a, b = dot(here, side) - limit, dot(there, side) - limit
-        if a <= 0.0:
-            store(target, kept, here)
-            kept += 1
-        if (a <= 0.0) != (b <= 0.0):
-            store(target, kept, add(here, scale(a / (a - b), subtract(there, here))))
-            kept += 1
-    return kept
-
-
-@device
-def share(patch, count, short):
-    """Weights: 1, but less where the edges at a corner are shorter than ``short``: two corners in one place are one."""
-    for c in range(count):
-        patch.weight[c] = 0.0
-    for c in range(count):
-        edge = subtract(load(patch.point, (c + 1) % count), load(patch.point, c))
-        part = 0.5 * min(math.sqrt(dot(edge, edge)) / short, 1.0)
-        patch.weight[c] += part
-        patch.weight[(c + 1) % count] += part
-
-
 # ------------------------------------------------------------------ edges, in space only
 
 
-def _no_edges(normal, patch, state, shapes, a, b, between, gap):
+def _no_edges(normal, patch, state, shapes, a, b, between, limits):
     return -1, normal
 
 
-def _edges(normal, patch, state, shapes, a, b, between, gap):
-    first, second, across = -1, -1, normal
+def _edges(normal, patch, state, shapes, a, b, between, limits):
+    gap, first, second, across = limits[0], -1, -1, normal
     for k in range(9):
         direction = cross(load(state.axes[k // 3], a), load(state.axes[k % 3], b))
         square = dot(direction, direction)
@@ -231,7 +164,7 @@ def _edges(normal, patch, state, shapes, a, b, between, gap):
             direction = scale(1.0 / math.sqrt(square), direction)
             along = dot(between, direction)
             found = abs(along) - extent(state, shapes, a, direction) - extent(state, shapes, b, direction)
-            if found >= 0.0:
+            if found >= limits[1]:
                 return 0, direction
             if found > gap:
                 gap, first, second = found, k // 3, k % 3
@@ -243,9 +176,9 @@ def _edges(normal, patch, state, shapes, a, b, between, gap):
 
 
 edges = by_dimension(_no_edges, _edges)
-"""edges(normal, patch, state, shapes, a, b, between, gap): whether two edges are nearer to parting than ``gap`` < 0.
+"""edges(normal, patch, state, shapes, a, b, between, (gap, margin)): whether two edges are farther apart than ``gap``.
 
-(-1, any) where not; (0, any) where an axis across two edges separates the boxes; else (1, the unit normal from b to a).
+(-1, any) where not; (0, any) where two edges are farther apart than the margin; else (1, the unit normal from b to a).
 """
 
 

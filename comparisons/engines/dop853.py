@@ -46,6 +46,8 @@ def version() -> str:
 
 
 def unsupported(scene: Scene, settings: Settings) -> str:
+    if scene.bodies is not None:
+        return "it integrates point masses, and the scene has rigid bodies"
     if len(scene.masses.masses) == 0:
         return ""
     try:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from pbd.jit import device
 
 PREFERENCE = 1e-3

@@ -18,7 +18,7 @@ from pbd.vector import add, dot, negate, scale, subtract
 PREFERENCE = 1e-4
 """Axes that differ by less than this share of the smallest half extent are equally good, and then the same is taken in
 every step: that of last time, a face before an edge, the first box before the second. By what they differ the contact
-is wrong in second order only, since it is clipped."""
+is wrong in second order only, since it is clipped. If nothing is left of it, the best axis is taken after all."""
 
 PARALLEL = 1e-8
 """Edges whose squared sine is less have no product: the faces beside them separate as well."""
@@ -42,21 +42,24 @@ def box_box(a, b, margin, hint, points):
     between = subtract(b[0], a[0])
     ta, tb = to_frame(a[2], between), to_frame(b[2], between)
     turn = cosines(a[2], b[2])
-    bias = PREFERENCE * min(min(a[1]), min(b[1]))
-    axis, gap = best_face(face_gaps(ta, a[1], b[1], turn), face_gaps(tb, b[1], a[1], transposed(turn)), hint, bias)
-    if gap > margin:
-        return 0, NOWHERE, axis
-    edges, square = best_edges(ta, a[1], b[1], turn, gap + bias)
-    if square > margin * abs(margin):
-        return 0, NOWHERE, edges
-    if edges >= 0:
-        count, normal = touch_edges(a, b, edges - 6, points)
-        return count, normal, edges
-    reference, incident, pose = a, b, (ta, turn)
-    if axis >= 3:
-        reference, incident, pose = b, a, (negate(tb), transposed(turn))
-    count, normal = touch_faces(reference, incident, pose, axis, margin, points)
-    return count, normal if axis < 3 else negate(normal), axis
+    of_a, of_b = face_gaps(ta, a[1], b[1], turn), face_gaps(tb, b[1], a[1], transposed(turn))
+    if max(max(of_a), max(of_b)) > margin:
+        return 0, NOWHERE, best_face(of_a, of_b, -1, 0.0)[0]
+    for bias in (PREFERENCE * min(min(a[1]), min(b[1])), 0.0):
+        axis, gap = best_face(of_a, of_b, hint, bias)
+        edges, square = best_edges(ta, a[1], b[1], turn, gap + bias)
+        if edges >= 0:
+            if square > margin * abs(margin):
+                return 0, NOWHERE, edges
+            count, normal = touch_edges(a, b, edges - 6, points)
+            return count, normal, edges
+        reference, incident, pose = a, b, (ta, turn)
+        if axis >= 3:
+            reference, incident, pose = b, a, (negate(tb), transposed(turn))
+        count, normal = touch_faces(reference, incident, pose, axis, margin, points)
+        if count > 0:
+            return count, normal if axis < 3 else negate(normal), axis
+    return 0, NOWHERE, axis
 
 
 @device

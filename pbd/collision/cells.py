@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pbd.intrinsics import typed
 from pbd.jit import device
-from pbd.vector import Store, dot, load, store, subtract, zeros
+from pbd.vector import Vector, dot, subtract
 
 LARGE = 8.0
 """Balls larger than this times the median are tested against all others, so that one wall does not widen every cell."""
@@ -37,6 +38,9 @@ FEWEST = 64
 COPIES = 2
 """The first cells stand once more behind the last, so that no range of three neighbours is cut in two."""
 
+BLOCK = 256
+"""About so many pairs are written at a time: a short loop for each ball would cost more to end than to run."""
+
 ROWS = {2: ((1,),), 3: ((1, 0), (-1, 1), (0, 1), (1, 1))}
 """Half of the rows of cells next to a cell's own, in steps along the second and third axis."""
 
@@ -47,30 +51,33 @@ LATTICES = {2: (1.618033988749895, 16, 512), 3: (1.324717957244746, 3, 24)}
 class Cells(NamedTuple):
     """Memory of the broad phase of n balls, m of them ``large`` (m,), the others ``small`` (n - m,), all by index.
 
-    widest : largest radius among the small ones [m]
     strides (d,), rows : steps in the table of cells, along the axes and to the first cell of each neighbouring row
     cell (n,), key (n,) : the cells of the balls, in their order and as sorted
-    start (table + COPIES + 1,) : where a cell begins in the sorted arrays ``position``, ``radius`` and ``ball``, which
-        hold first the large balls, then the small ones cell by cell, then those of the first cells again
-    hit (n,) : the sorted balls that one of them reaches
+    start (table + COPIES + 1,) : where a cell begins in sorted order, which is the large balls, the small ones cell by
+        cell, and those of the first cells again
+    balls : x, y, (z,) r of one after the other in sorted order, near in memory where they are near in space
+    indices : which ball that is
+    hitter, hit (n + BLOCK,) : pairs not yet written, as places in sorted order
     """
 
     large: np.ndarray
     small: np.ndarray
-    widest: float
     strides: tuple[int, ...]
     rows: tuple[int, ...]
     cell: np.ndarray
     key: np.ndarray
     start: np.ndarray
-    position: Store
-    radius: np.ndarray
-    ball: np.ndarray
+    balls: np.ndarray
+    indices: np.ndarray
+    hitter: np.ndarray
     hit: np.ndarray
 
 
 def new_cells(radius: np.ndarray, dimension: int) -> Cells:
-    """Memory for balls of ``radius`` (n,) [m] in 2 or 3 dimensions."""
+    """Memory for balls of ``radius`` (n,) [m] in 2 or 3 dimensions.
+
+    Which of them are large is decided here, and concerns speed alone: `find_pairs` is right for any radii.
+    """
     n = len(radius)
     is_large = radius > LARGE * np.median(radius) if n else np.zeros(0, dtype=bool)
     large, small = np.flatnonzero(is_large), np.flatnonzero(~is_large)
@@ -80,16 +87,15 @@ def new_cells(radius: np.ndarray, dimension: int) -> Cells:
     return Cells(
         large=large,
         small=small,
-        widest=float(np.max(radius[small], initial=0.0)),
         strides=(1, *strides),
         rows=tuple(int(np.dot(steps, strides)) - 1 for steps in ROWS[dimension]),
         cell=np.zeros(n, dtype=np.int32),
         key=np.zeros(n, dtype=np.int32),
         start=np.zeros(table + COPIES + 1, dtype=np.int32),
-        position=zeros(room, dimension),
-        radius=np.zeros(room),
-        ball=np.zeros(room, dtype=np.int32),
-        hit=np.zeros(n, dtype=np.int32),
+        balls=np.zeros(room * (dimension + 1)),
+        indices=np.zeros(room, dtype=np.int32),
+        hitter=np.zeros(n + BLOCK, dtype=np.uint32),
+        hit=np.zeros(n + BLOCK, dtype=np.uint32),
     )
 
 
@@ -119,48 +125,63 @@ def lattice(table: int, dimension: int) -> tuple[int, ...]:
 def find_pairs(cells, x, radius, margin, pairs):
     """Write all i < j with |x_i - x_j| <= r_i + r_j + margin to ``pairs`` (capacity, 2), in the order of cells.
 
-    x is a store, radius (n,) the one ``cells`` was made for. Returns how many pairs there are; of more than the
-    capacity, the first are written. A ball whose position is not finite has no partner.
+    x is a store, radius (n,). Returns how many pairs there are; of more than the capacity the first are written. A
+    position that is not finite has no partner.
     """
     sort_into_cells(cells, x, radius, margin)
     mask = cells.start.shape[0] - COPIES - 2
-    count, behind = 0, cells.large.shape[0]
-    for k in range(behind):
-        hits = scan(cells, k, k + 1, radius.shape[0], margin, 0)
-        count = write_pairs(cells, k, hits, pairs, count)
-    for k in range(behind, radius.shape[0]):
-        c = cells.key[k]
-        hits = scan(cells, k, k + 1, cells.start[c + 2], margin, 0)
-        for r in range(len(cells.rows)):
-            row = (c + cells.rows[r]) & mask
-            hits = scan(cells, k, cells.start[row], cells.start[row + 3], margin, hits)
-        count = write_pairs(cells, k, hits, pairs, count)
-    return count
+    count, hits, behind = 0, 0, cells.large.shape[0]
+    for k in range(radius.shape[0]):
+        if k < behind:
+            hits = scan(cells, k, k + 1, radius.shape[0], margin, hits)
+        else:
+            c = cells.key[k]
+            hits = scan(cells, k, k + 1, cells.start[c + 2], margin, hits)
+            for r in range(len(cells.rows)):
+                row = (c + cells.rows[r]) & mask
+                hits = scan(cells, k, cells.start[row], cells.start[row + 3], margin, hits)
+        if hits >= BLOCK:
+            count = write_pairs(cells, hits, pairs, count)
+            hits = 0
+    return write_pairs(cells, hits, pairs, count)
 
 
 @device
 def scan(cells, k, first, last, margin, hits):
-    """Add those from first to last that the sorted ball k reaches to ``hit``; returns the new number of hits.
+    """Note those from first to last that the k-th ball in sorted order reaches; returns the new number of hits.
 
-    A candidate is written before it is known to be near, since branches that go either way cost more than all else
-    here; indices without a sign spare the test for negative ones.
+    A candidate is noted before it is known to be near, since branches that go either way cost more than all else here;
+    indices without a sign spare the test for negative ones.
     """
-    here, reach = load(cells.position, k), cells.radius[k] + margin
-    for candidate in range(first, last):
-        m: Any = np.uint64(candidate)
-        away = subtract(load(cells.position, m), here)
-        total = reach + cells.radius[m]
-        cells.hit[np.uint64(hits)] = candidate
+    step = len(cells.strides) + 1
+    here = position(cells.balls, np.uint64(k * step), cells.strides)
+    reach = cells.balls[np.uint64(k * step + step - 1)] + margin
+    for m in range(first, last):
+        away = subtract(position(cells.balls, np.uint64(m * step), cells.strides), here)
+        total = reach + cells.balls[np.uint64(m * step + step - 1)]
+        cells.hitter[np.uint64(hits)] = k
+        cells.hit[np.uint64(hits)] = m
         hits += dot(away, away) <= total * total
     return hits
 
 
+def position(balls: Any, start: Any, shape: tuple[int, ...]) -> Vector:
+    """As many numbers as ``shape`` is long, from ``start`` on."""
+    return tuple(balls[int(start) + k] for k in range(len(shape)))
+
+
+@typed(position)
+def _position(balls: Any, start: Any, shape: Any) -> Any:
+    if len(shape) == 1:
+        return lambda balls, start, shape: (balls[start],)
+    return lambda balls, start, shape: (balls[start],) + position(balls, start + np.uint64(1), shape[1:])
+
+
 @device
-def write_pairs(cells, k, hits, pairs, count):
-    """Append the pairs of the sorted ball k and its hits, as far as there is room; returns how many there would be."""
-    i = cells.ball[k]
+def write_pairs(cells, hits, pairs, count):
+    """Append the pairs noted, as far as there is room; returns how many there would be."""
     for h in range(min(hits, pairs.shape[0] - count)):
-        j = cells.ball[cells.hit[h]]
+        i, j = cells.indices[cells.hitter[h]], cells.indices[cells.hit[h]]
         pairs[count + h, 0] = min(i, j)
         pairs[count + h, 1] = max(i, j)
     return count + hits
@@ -169,7 +190,7 @@ def write_pairs(cells, k, hits, pairs, count):
 @device
 def sort_into_cells(cells, x, radius, margin):
     """Counting sort of the small balls by cell, stable in their index."""
-    scale = 1.0 / max(SLACK * (2.0 * cells.widest + margin), NARROWEST)
+    scale = 1.0 / max(SLACK * (2.0 * largest(radius, cells.small) + margin), NARROWEST)
     find_cells(cells, x, scale)
     count_cells(cells)
     for k in range(cells.large.shape[0]):
@@ -182,6 +203,21 @@ def sort_into_cells(cells, x, radius, margin):
         cells.key[k] = c
         place(cells, x, radius, i, k)
     repeat_first_cells(cells)
+
+
+@device
+def largest(values, chosen):
+    """The largest of the chosen values, or 0; four at a time, since each maximum waits for the one before."""
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    whole = chosen.shape[0] - chosen.shape[0] % 4
+    for s in range(0, whole, 4):
+        a = max(a, values[chosen[s]])
+        b = max(b, values[chosen[s + 1]])
+        c = max(c, values[chosen[s + 2]])
+        d = max(d, values[chosen[s + 3]])
+    for s in range(whole, chosen.shape[0]):
+        a = max(a, values[chosen[s]])
+    return max(max(a, b), max(c, d))
 
 
 @device
@@ -222,19 +258,21 @@ def count_cells(cells):
 @device
 def place(cells, x, radius, i, k):
     """Ball i is the k-th in sorted order."""
-    store(cells.position, k, load(x, i))
-    cells.radius[k] = radius[i]
-    cells.ball[k] = i
+    start = k * (len(x) + 1)
+    for axis in range(len(x)):
+        cells.balls[np.uint64(start + axis)] = x[axis][i]
+    cells.balls[np.uint64(start + len(x))] = radius[i]
+    cells.indices[k] = i
 
 
 @device
 def repeat_first_cells(cells):
     """Put the balls of the first cells behind all others once more."""
-    start, first, n = cells.start, cells.large.shape[0], cells.key.shape[0]
+    start, first, n, step = cells.start, cells.large.shape[0], cells.key.shape[0], len(cells.strides) + 1
     start[0] = first
     for k in range(first, start[COPIES]):
-        store(cells.position, n + k - first, load(cells.position, k))
-        cells.radius[n + k - first] = cells.radius[k]
-        cells.ball[n + k - first] = cells.ball[k]
+        for part in range(step):
+            cells.balls[(n + k - first) * step + part] = cells.balls[k * step + part]
+        cells.indices[n + k - first] = cells.indices[k]
     for c in range(COPIES + 1):
         start[start.shape[0] - COPIES - 1 + c] = n + start[c] - first

@@ -22,7 +22,7 @@ MAX_TURNS = 50
 """Of one extraction. From the last step's rotation two or three do."""
 
 TURNED = 1e-16
-"""A turn whose square [rad^2] is below is the last: turns shrink as their cubes, so the next would be none."""
+"""Newton's turn whose square [rad^2] is below is the last: they shrink as their cubes, so the next would be none."""
 
 NEAR = 0.5
 """[rad] Newton's turns are taken up to here: farther away the expansion in the turn means nothing."""
@@ -39,21 +39,22 @@ def extract(A, start):
     H = tr(B) 1 - (B + B^T)/2. Where H is positive definite Newton's turn w = H^-1 b converges cubically. Elsewhere the
     turn is about b, as in Mueller, Bender, Chentanez and Macklin (2016, "A Robust Method to Extract the Rotational Part
     of Deformations"), which gets there from anywhere, for inverted A too; not by their angle |b| / |tr B|, but by the
-    one that is best about that axis: an angle too small by the ratio of A's singular values needs as many turns.
-    Limit: exactly half a turn away from the maximum b is 0, and R stays where it is.
+    one that is best about that axis.
+    Limits: exactly half a turn away from the maximum b is 0, and R stays where it is; from far away, and with singular
+    values in a ratio of hundreds, MAX_TURNS are not enough, and the next extraction goes on.
     """
     q = start
     for _ in range(MAX_TURNS):
-        w = best_turn(A, quaternion_rows(q))
+        w, is_newtons = best_turn(A, quaternion_rows(q))
         q = turned(q, w)
-        if dot(w, w) < TURNED:
+        if is_newtons and dot(w, w) < TURNED:
             break
     return q
 
 
 @device
 def best_turn(A, R):
-    """The turn w [rad], a vector, of the rotation with rows R; see `extract`."""
+    """(the turn w [rad], a vector, of the rotation with rows R; whether it is Newton's); see `extract`."""
     xx, xy, xz = dot(A[0], R[0]), dot(A[0], R[1]), dot(A[0], R[2])
     yx, yy, yz = dot(A[1], R[0]), dot(A[1], R[1]), dot(A[1], R[2])
     zx, zy, zz = dot(A[2], R[0]), dot(A[2], R[1]), dot(A[2], R[2])
@@ -62,12 +63,12 @@ def best_turn(A, R):
     beside = (-0.5 * (yz + zy), -0.5 * (xz + zx), -0.5 * (xy + yx))
     newton, w = solve_definite(diagonal, beside, b)
     if newton and dot(w, w) < NEAR * NEAR:
-        return w
+        return w, True
     length = math.sqrt(dot(b, b))
     u = scale(1.0 / length if length > 0.0 else 0.0, b)
     bent = dot((diagonal[0] * u[0], diagonal[1] * u[1], diagonal[2] * u[2]), u)
     bent += 2.0 * dot((beside[0] * u[1] * u[2], beside[1] * u[0] * u[2], beside[2] * u[0] * u[1]), (1.0, 1.0, 1.0))
-    return scale(math.atan2(length, bent), u)
+    return scale(math.atan2(length, bent), u), False
 
 
 @device

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from pbd.errors import InvalidInput
 from pbd.projection import begin
 from pbd.stages import accelerate, damp, end, predict, solve, update
 
@@ -15,7 +16,9 @@ class Euler(NamedTuple):
     """
 
     def bind(self, problem):
-        """The kernel's integrator: itself; it takes every problem."""
+        """The kernel's integrator: itself; refuses bodies that it does not know how to move."""
+        if problem.bodies is not None and not hasattr(problem.bodies, "predict"):
+            raise InvalidInput("settings.integrator", "euler", "rattle for rigid bodies")
         return self
 
     def step(self, solver, scene, h):

@@ -13,9 +13,9 @@ for turning bodies; sticking contacts pull back what they have slipped. Both sta
 pass: started from what positions asked for, a pass that is not solved to the end would feed its own errors, with an
 amplification of up to 1.1 a step, as the recurrence of one mode shows; so it is at most 1.
 
-An impact is found as the root of the gap's motion in the sub-step, which is then divided there: free flights stay exact
-parabolas, and a ball that bounces keeps its energy to round-off. Where more than ``events`` contacts close at once or one
-after the other, they end with the sub-step, to first order.
+An impact is found as the root of the gap's motion in the sub-step, which is then divided there: free flights stay
+exact parabolas, and a ball that bounces keeps its energy to round-off. Where more than ``events`` contacts close at
+once or one after the other, they end with the sub-step, to first order.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Impulses(NamedTuple):
 
 @device
 def advance(rattle, solver, scene, lengths, event):
-    """One step up to the first impact within what is left, or all of it; lengths = (left, whole). Returns its length."""
+    """One step up to the first impact within what is left of the whole sub-step, or all of it; returns its length."""
     h, whole = lengths
     state, batches = scene.state, scene.batches
     mark(batches, state)

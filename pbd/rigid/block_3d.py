@@ -5,9 +5,9 @@ with |s| <= mu sum_k p_k d_k, where P = sum p_k and d_k is the distance of point
 of friction, at the middle. For a pure slip and for a pure twist this is what friction at every point would be; where
 both happen at once it allows up to sqrt 2 times as much.
 
-Four normals of rigid bodies are one more than their contact can tell apart, so K is singular and is not inverted:
-normals, slip and twist are solved one after the other, PASSES times, on velocities held in registers. A slip that sticks
-is solved exactly; one that slides moves along the gradient, whose fixed point opposes t to the velocity of slip.
+Where all points push and stick the solution is exact (`pbd.rigid.inverse_3d`). Else normals, slip and twist are solved
+one after the other, PASSES times, on velocities held in registers. A slip that sticks is then solved exactly; one that
+slides moves along the gradient, whose fixed point opposes t to the velocity of slip.
 """
 
 from __future__ import annotations
@@ -36,7 +36,11 @@ DIRECTION = CHANGE + 7
 DISTANCE = DIRECTION + 7
 SPENT = DISTANCE + 4
 COUPLING = SPENT + 5
-COLUMNS = COUPLING + 1
+WHOLE = COUPLING + 1
+COLUMNS = WHOLE + 28
+
+ROWS = 7
+"""Of a contact: four normals, two tangents, the twist."""
 
 
 @device
@@ -113,43 +117,99 @@ def set_both_motions(motion, i, j, v):
 
 @device
 def solve_block(row, c, points, motion, i, j, mu):
-    """One projection of contact c; returns the square of its change in the norm of K's diagonal."""
+    """One projection of contact c; returns the squares of its change and of its impulses, by K's diagonal."""
     v = both_motions(motion, i, j)
+    if is_open(row, c, points, v):
+        for r in range(ROWS):
+            row[c, CHANGE + r] = 0.0
+        return 0.0, 0.0
     mi, mj = motion[i, 6], motion[j, 6]
-    for r in range(7):
-        row[c, CHANGE + r] = row[c, IMPULSE + r]
-    for _ in range(PASSES):
-        total, lever = row[c, SPENT], row[c, SPENT + 3]
-        for k in range(points):
-            arms = ARMS + 12 * k
-            old = row[c, IMPULSE + k]
-            new = old - row[c, INVERSE + k] * (speed_along(row, c, NORMAL, arms, v) + row[c, BIAS + k])
-            new = max(new, row[c, LOW + k])
-            row[c, IMPULSE + k] = new
-            v = pushed(row, c, NORMAL, arms, new - old, mi, mj, v)
-            total += new
-            lever += new * row[c, DISTANCE + k]
-        limit = mu * max(total, 0.0)
-        first, second = row[c, IMPULSE + 4], row[c, IMPULSE + 5]
-        next_first, next_second = slip(row, c, v, limit)
-        row[c, IMPULSE + 4], row[c, IMPULSE + 5] = next_first, next_second
-        v = pushed(row, c, TANGENT, SLIP, next_first - first, mi, mj, v)
-        v = pushed(row, c, BINORMAL, SLIP + 12, next_second - second, mi, mj, v)
-        old = row[c, IMPULSE + 6]
-        limit = mu * max(lever, 0.0)
-        spent = row[c, SPENT + 4]
-        new = old - row[c, INVERSE + 6] * (twist_speed(row, c, v) + row[c, BIAS + 6])
-        new = max(-limit, min(limit, new + spent)) - spent
-        row[c, IMPULSE + 6] = new
-        v = twisted(row, c, new - old, v)
-    set_both_motions(motion, i, j, v)
-    square = 0.0
-    for r in range(7):
-        change = row[c, IMPULSE + r] - row[c, CHANGE + r]
-        row[c, CHANGE + r] = change
+    if sticks(row, c, points, v, mu):
+        set_both_motions(motion, i, j, pushed_all(row, c, points, mi, mj, CHANGE, v))
+        for r in range(ROWS):
+            row[c, IMPULSE + r] += row[c, CHANGE + r]
+    else:
+        for r in range(ROWS):
+            row[c, CHANGE + r] = row[c, IMPULSE + r]
+        for _ in range(PASSES):
+            v = one_after_the_other(row, c, points, mi, mj, mu, v)
+        set_both_motions(motion, i, j, v)
+        for r in range(ROWS):
+            row[c, CHANGE + r] = row[c, IMPULSE + r] - row[c, CHANGE + r]
+    changed, size = 0.0, 0.0
+    for r in range(ROWS):
         if row[c, INVERSE + r] > 0.0:
-            square += change * change / row[c, INVERSE + r]
-    return square
+            changed += row[c, CHANGE + r] ** 2 / row[c, INVERSE + r]
+            size += row[c, IMPULSE + r] ** 2 / row[c, INVERSE + r]
+    return changed, size
+
+
+@device
+def is_open(row, c, points, v):
+    """Whether nothing pushes and nothing closes."""
+    for r in range(ROWS):
+        if row[c, IMPULSE + r] != 0.0:
+            return False
+    least = 0.0
+    for k in range(points):
+        least = min(least, speed_along(row, c, NORMAL, ARMS + 12 * k, v) + row[c, BIAS + k])
+    return least == 0.0
+
+
+@device
+def sticks(row, c, points, v, mu):
+    """Whether the impulses that make all points stick obey the laws; their changes are left in CHANGE."""
+    u = (
+        speed_along(row, c, NORMAL, ARMS, v) + row[c, BIAS],
+        speed_along(row, c, NORMAL, ARMS + 12, v) + row[c, BIAS + 1] if points > 1 else 0.0,
+        speed_along(row, c, NORMAL, ARMS + 24, v) + row[c, BIAS + 2] if points > 2 else 0.0,
+        speed_along(row, c, NORMAL, ARMS + 36, v) + row[c, BIAS + 3] if points > 3 else 0.0,
+        speed_along(row, c, TANGENT, SLIP, v) + row[c, BIAS + 4],
+        speed_along(row, c, BINORMAL, SLIP + 12, v) + row[c, BIAS + 5],
+        twist_speed(row, c, v) + row[c, BIAS + 6],
+    )
+    for r in range(ROWS):
+        total = 0.0
+        for s in range(ROWS):
+            low, high = min(r, s), max(r, s)
+            total -= row[c, WHOLE + high * (high + 1) // 2 + low] * u[s]
+        row[c, CHANGE + r] = total
+    total, lever = row[c, SPENT], row[c, SPENT + 3]
+    for k in range(points):
+        p = row[c, IMPULSE + k] + row[c, CHANGE + k]
+        if p < row[c, LOW + k]:
+            return False
+        total += p
+        lever += p * row[c, DISTANCE + k]
+    t1 = row[c, IMPULSE + 4] + row[c, CHANGE + 4] + row[c, SPENT + 1]
+    t2 = row[c, IMPULSE + 5] + row[c, CHANGE + 5] + row[c, SPENT + 2]
+    twist = row[c, IMPULSE + 6] + row[c, CHANGE + 6] + row[c, SPENT + 4]
+    return t1 * t1 + t2 * t2 <= (mu * total) ** 2 and abs(twist) <= mu * lever
+
+
+@device
+def one_after_the_other(row, c, points, mi, mj, mu, v):
+    """Normals, slip and twist; returns the motions after them."""
+    total, lever = row[c, SPENT], row[c, SPENT + 3]
+    for k in range(points):
+        arms = ARMS + 12 * k
+        old = row[c, IMPULSE + k]
+        new = old - row[c, INVERSE + k] * (speed_along(row, c, NORMAL, arms, v) + row[c, BIAS + k])
+        new = max(new, row[c, LOW + k])
+        row[c, IMPULSE + k] = new
+        v = pushed(row, c, NORMAL, arms, new - old, mi, mj, v)
+        total += new
+        lever += new * row[c, DISTANCE + k]
+    first, second = row[c, IMPULSE + 4], row[c, IMPULSE + 5]
+    next_first, next_second = slip(row, c, v, mu * max(total, 0.0))
+    row[c, IMPULSE + 4], row[c, IMPULSE + 5] = next_first, next_second
+    v = pushed(row, c, TANGENT, SLIP, next_first - first, mi, mj, v)
+    v = pushed(row, c, BINORMAL, SLIP + 12, next_second - second, mi, mj, v)
+    old, limit, spent = row[c, IMPULSE + 6], mu * max(lever, 0.0), row[c, SPENT + 4]
+    new = old - row[c, INVERSE + 6] * (twist_speed(row, c, v) + row[c, BIAS + 6])
+    new = max(-limit, min(limit, new + spent)) - spent
+    row[c, IMPULSE + 6] = new
+    return twisted(row, c, new - old, v)
 
 
 @device
@@ -174,12 +234,17 @@ def slip(row, c, v, limit):
 
 
 @device
-def pushed_bodies(row, c, points, motion, i, j, column):
-    """Push both bodies by the impulses in columns from ``column`` on."""
-    v = both_motions(motion, i, j)
-    mi, mj = motion[i, 6], motion[j, 6]
+def pushed_all(row, c, points, mi, mj, column, v):
+    """v + M^-1 J^T p for the impulses in columns from ``column`` on."""
     for k in range(points):
         v = pushed(row, c, NORMAL, ARMS + 12 * k, row[c, column + k], mi, mj, v)
     v = pushed(row, c, TANGENT, SLIP, row[c, column + 4], mi, mj, v)
     v = pushed(row, c, BINORMAL, SLIP + 12, row[c, column + 5], mi, mj, v)
-    set_both_motions(motion, i, j, twisted(row, c, row[c, column + 6], v))
+    return twisted(row, c, row[c, column + 6], v)
+
+
+@device
+def push_bodies(row, c, points, motion, i, j, column):
+    """Push both bodies by the impulses in columns from ``column`` on."""
+    v = both_motions(motion, i, j)
+    set_both_motions(motion, i, j, pushed_all(row, c, points, motion[i, 6], motion[j, 6], column, v))

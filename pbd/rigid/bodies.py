@@ -1,7 +1,7 @@
 """Rigid bodies: the second state group of the step loop.
 
-The last row of every array stands for the ground, which nothing moves: a contact with a fixed plane is then a contact of
-two bodies like any other.
+The last row of every array stands for the ground, which nothing moves: a contact with a fixed plane is then a contact
+of two bodies like any other.
 """
 
 from __future__ import annotations

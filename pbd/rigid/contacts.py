@@ -1,8 +1,8 @@
 """Contacts of rigid bodies with each other and with planes: found once per step, projected in every sub-step.
 
 Candidate pairs are sought only when a body may have left the margin with which they were sought before (a Verlet
-list), so that a heap at rest pays nothing for it. What a contact remembers - forces, what sticking friction has slipped -
-stays with its pair, and in it with the features that touch.
+list), so that a heap at rest pays nothing for it. What a contact remembers - its forces, and what sticking
+friction has slipped - stays with its pair, and in it with the features that touch.
 """
 
 from __future__ import annotations
@@ -13,35 +13,30 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.arrays import broadcast, number, real_array
-from pbd.collision.cells import Cells, find_pairs, new_cells
+from pbd.collision.cells import Cells, new_cells
 from pbd.collision.plane import Planes
 from pbd.errors import InvalidInput
 from pbd.jit import device
 from pbd.rigid import rows_2d, rows_3d
 from pbd.rigid.bodies import Bodies
+from pbd.rigid.pairs import ACTIVE, PAIRS, WAIT, is_stale, note_speeds, seek_pairs
 from pbd.rigid.rows import (
     detect_row,
     extrapolate_row,
     foresee_row,
-    keep_row,
     mark_row,
     pair_of_row,
     project_row,
-    recall_row,
     refresh_row,
     settle_row,
-    start_row,
     turn_over_row,
     warm_start_row,
 )
 from pbd.routine import routine
-from pbd.state import CHANGE, EARLIEST, IMPACTS, LACKING, PAIRS_TESTED
+from pbd.state import CHANGE, EARLIEST, IMPACTS, PAIRS_TESTED, SIZE
 from pbd.vector import Store, zeros
 
-PAIRS, ACTIVE, BUILDS, WAIT = range(4)
-"""Places in `Contacts.counts`: candidate pairs, those that touch or may soon, searches, sub-steps to the next look."""
-
-FARTHEST = 0.1
+FARTHEST = 0.02
 """Contacts are found anew within a step before any body has moved by more than this share of its radius."""
 
 SKIN = 0.1
@@ -164,10 +159,13 @@ def foresee_all(contacts, state, h, whole):
 
 @routine
 def project_all(contacts, state, h):
-    total = 0.0
+    change, size = 0.0, 0.0
     for k in range(contacts.counts[ACTIVE]):
-        total += project_row(contacts.rows, contacts.active[k], state.bodies, contacts.friction)
-    state.signals[CHANGE] += total
+        changed, sized = project_row(contacts.rows, contacts.active[k], state.bodies, contacts.friction)
+        change += changed
+        size += sized
+    state.signals[CHANGE] += change
+    state.signals[SIZE] += size
     state.work[0] += contacts.counts[ACTIVE]
 
 
@@ -193,102 +191,11 @@ def settle_all(contacts, state, h, steady):
 def slowest_impact(restitution, kick):
     """Impacts slower than this [m/s] do not bounce: those whose whole sequence of bounces ends within the sub-step.
 
-    A bounce at speed e u lasts 2 e u/g, all that follow it 1/(1 - e) of that; ``kick`` is g h. Without restitution it is
-    the speed that gravity alone gives in a sub-step.
+    A bounce at speed e u lasts 2 e u/g, all that follow it 1/(1 - e) of that; ``kick`` is g h. Without restitution it
+    is the speed that gravity alone gives in a sub-step.
     """
     e = restitution
     return kick * min(1.0, (1.0 - e) / (2.0 * e)) if e > 0.0 else kick
-
-
-@device
-def note_speeds(contacts, bodies):
-    """Speeds of all bodies' fastest points; returns the largest, in radii of its body a second [1/s]."""
-    d, fastest = len(bodies.x), 0.0
-    for i in range(contacts.reach.shape[0]):
-        square, turning = 0.0, 0.0
-        for k in range(d):
-            square += bodies.motion[i, k] * bodies.motion[i, k]
-        for k in range(d, 3 * (d - 1)):
-            turning += bodies.motion[i, k] * bodies.motion[i, k]
-        contacts.speed[i] = math.sqrt(square) + math.sqrt(turning) * bodies.radius[i]
-        fastest = max(fastest, contacts.speed[i] / bodies.radius[i])
-    return fastest
-
-
-@device
-def is_stale(contacts, bodies, dt):
-    """Whether a body may within dt leave the reach with which pairs were sought."""
-    found = contacts.counts[BUILDS] == 0
-    for i in range(contacts.reach.shape[0]):
-        moved = 0.0
-        for k in range(len(bodies.x)):
-            step = bodies.x[k][i] - contacts.built[k][i]
-            moved += step * step
-        found |= math.sqrt(moved) + dt * contacts.speed[i] > contacts.reach[i] - bodies.radius[i]
-    return found
-
-
-@routine
-def seek_pairs(contacts, state, dt):
-    """Seek all pairs anew; contacts that go on keep what they remember."""
-    bodies, rows, counts = state.bodies, contacts.rows, contacts.counts
-    n, capacity = contacts.reach.shape[0], contacts.pairs.shape[0]
-    counts[BUILDS] += 1
-    for i in range(n):
-        contacts.reach[i] = bodies.radius[i] + contacts.skin + 2.0 * dt * contacts.speed[i]
-        for k in range(len(bodies.x)):
-            contacts.built[k][i] = bodies.x[k][i]
-    keep(contacts)
-    found = find_pairs(contacts.cells, bodies.x, contacts.reach, 0.0, contacts.pairs)
-    for c in range(min(found, capacity)):
-        start_row(rows, c, contacts.pairs[c, 0], contacts.pairs[c, 1], -1)
-        recall(contacts, c)
-    for k in range(contacts.planes.offset.shape[0]):
-        for i in range(n):
-            height = -contacts.planes.offset[k]
-            for axis in range(len(bodies.x)):
-                height += contacts.planes.normal[axis][k] * bodies.x[axis][i]
-            if height <= contacts.reach[i]:
-                if found < capacity:
-                    start_row(rows, found, i, n, k)
-                    recall(contacts, found)
-                found += 1
-    counts[PAIRS] = min(found, capacity)
-    if found > capacity:
-        state.work[LACKING] = max(state.work[LACKING], found)
-
-
-@device
-def keep(contacts):
-    """Put what active contacts remember aside, found by their pair in an open hash table."""
-    table, rows, mask = contacts.table, contacts.rows, contacts.table.shape[0] - 1
-    for s in range(table.shape[0]):
-        table[s] = -1
-    for k in range(contacts.counts[ACTIVE]):
-        c = contacts.active[k]
-        keep_row(rows, c, k)
-        s = first_slot(rows, c, mask)
-        while table[s] >= 0:
-            s = (s + 1) & mask
-        table[s] = k
-
-
-@device
-def recall(contacts, c):
-    """Give contact c what it remembers, if it was active before."""
-    table, mask = contacts.table, contacts.table.shape[0] - 1
-    s = first_slot(contacts.rows, c, mask)
-    while table[s] >= 0:
-        if recall_row(contacts.rows, c, table[s]):
-            return
-        s = (s + 1) & mask
-
-
-@device
-def first_slot(rows, c, mask):
-    """Where in the hash table the search for a pair begins."""
-    i, j, plane = pair_of_row(rows, c)
-    return ((i * 73856093) ^ ((j + plane + 1) * 19349663)) & mask
 
 
 def planes(normals: Any, offsets: Any = 0.0) -> Planes:

@@ -69,6 +69,9 @@ def stiffen(hot, bodies):
     tt = mass + ti * ti * wi + tj * tj * wj
     hot["aa"], hot["at"], hot["tt"] = aa, at, tt
     if hot["points"] == 1:
+        inverse = 1.0 / (aa * tt - at * at)
+        hot["iaa"], hot["iat"], hot["itt"] = tt * inverse, -at * inverse, aa * inverse
+        hot["iab"] = hot["ibb"] = hot["ibt"] = hot["ab"] = hot["bb"] = hot["bt"] = hot["wb"] = 0.0
         return
     ab = mass + ai * bi * wi + aj * bj * wj
     bb = mass + bi * bi * wi + bj * bj * wj
@@ -116,34 +119,59 @@ def push(hot, motion, a, b, t):
 
 @device
 def project_contact(hot, motion, mu):
-    """One projection: solve the contact exactly for the present velocities of all else; returns how far speeds changed."""
+    """One projection: solve the contact exactly for the present velocities of all else.
+
+    Most stick, or do not touch; only for the others the cases are gone through. Returns the squares, in the norm of K,
+    of the change and of the impulses.
+    """
     ua, ub, ut = speeds(hot, motion)
+    ua, ub, ut = ua + hot["wa"], ub + hot["wb"], ut + hot["wt"]
     a, b, t = hot["a"], hot["b"], hot["t"]
-    low_a, low_b = hot["low_a"], hot["low_b"]
+    if a == 0.0 and b == 0.0 and t == 0.0 and ua >= 0.0 and (ub >= 0.0 or hot["points"] == 1):
+        hot["da"] = hot["db"] = hot["dt"] = 0.0
+        return 0.0, 0.0
+    da = -(hot["iaa"] * ua + hot["iab"] * ub + hot["iat"] * ut)
+    db = -(hot["iab"] * ua + hot["ibb"] * ub + hot["ibt"] * ut)
+    dt = -(hot["iat"] * ua + hot["ibt"] * ub + hot["itt"] * ut)
+    limit = mu * (a + da + b + db + hot["spent_n"])
+    sticks = a + da >= hot["low_a"] and b + db >= hot["low_b"] and abs(t + dt + hot["spent_t"]) <= limit
+    if not sticks:
+        da, db, dt = change_by_cases(hot, mu, ua, ub, ut)
+    a, b, t = a + da, b + db, t + dt
+    hot["a"], hot["b"], hot["t"], hot["da"], hot["db"], hot["dt"] = a, b, t, da, db, dt
+    push(hot, motion, da, db, dt)
+    k = Block(hot["aa"], hot["ab"], hot["bb"], hot["at"], hot["bt"], hot["tt"])
+    return square(k, da, db, dt), square(k, a, b, t)
+
+
+@device
+def change_by_cases(hot, mu, ua, ub, ut):
+    """The change of a contact's impulses, of whatever kind."""
+    a, b, t, low_a, low_b = hot["a"], hot["b"], hot["t"], hot["low_a"], hot["low_b"]
     k = Block(hot["aa"], hot["ab"], hot["bb"], hot["at"], hot["bt"], hot["tt"])
     inverse = Block(hot["iaa"], hot["iab"], hot["ibb"], hot["iat"], hot["ibt"], hot["itt"])
     da, db = low_a - a, low_b - b
     q = (
-        ua + hot["wa"] + k.aa * da + k.ab * db - k.at * t,
-        ub + hot["wb"] + k.ab * da + k.bb * db - k.bt * t,
-        ut + hot["wt"] + k.at * da + k.bt * db - k.tt * t,
+        ua + k.aa * da + k.ab * db - k.at * t,
+        ub + k.ab * da + k.bb * db - k.bt * t,
+        ut + k.at * da + k.bt * db - k.tt * t,
     )
     spent = (hot["spent_n"] + low_a + low_b, hot["spent_t"])
-    na, nb, nt = solve_block(q, k, inverse, spent, mu, hot["points"])
-    na += low_a
-    nb += low_b
-    da, db, dt = na - a, nb - b, nt - t
-    hot["a"], hot["b"], hot["t"] = na, nb, nt
-    hot["da"], hot["db"], hot["dt"] = da, db, dt
-    push(hot, motion, da, db, dt)
-    return k.aa * da * da + k.bb * db * db + k.tt * dt * dt + 2.0 * (k.ab * da * db + k.at * da * dt + k.bt * db * dt)
+    new_a, new_b, new_t = solve_block(q, k, inverse, spent, mu, hot["points"])
+    return new_a + da, new_b + db, new_t - t
+
+
+@device
+def square(k, a, b, t):
+    """p^T K p [J]."""
+    return k.aa * a * a + k.bb * b * b + k.tt * t * t + 2.0 * (k.ab * a * b + k.at * a * t + k.bt * b * t)
 
 
 @device
 def foresee(hot, cold, bodies, h, limits):
     """Set the bias of a position pass; returns when within h the contact closes in an impact, or h, and its speed."""
     most_push, rest, rate = limits
-    ua, ub, ut = speeds(hot, bodies.motion)
+    ua, ub, _ = speeds(hot, bodies.motion)
     i, j = hot["i"], hot["j"]
     ra, rb, rt = curvature(hot, cold, bodies, i, j, h)
     inverse = 1.0 / h
@@ -197,7 +225,7 @@ def turned(bodies, i, angle):
 def turn_over(hot, cold, bodies, h, mu, restitution):
     """From the position pass to the velocity pass: what was spent, the new arms, the targets."""
     a, b, t = hot["a"], hot["b"], hot["t"]
-    ua, ub, ut = speeds(hot, bodies.motion)
+    _, _, ut = speeds(hot, bodies.motion)
     sticks = a + b > 0.0 and abs(t) < mu * (a + b)
     cold["slip"] = h * (ut + hot["wt"]) if sticks else 0.0
     pushed_a, pushed_b = max(-hot["wa"], 0.0), max(-hot["wb"], 0.0)
@@ -212,4 +240,3 @@ def turn_over(hot, cold, bodies, h, mu, restitution):
     if hot["points"] == 2 and cold["gap_b"] > CLOSED and b == 0.0:
         hot["wb"] = OPEN
     hot["a"] = hot["b"] = hot["t"] = 0.0
-

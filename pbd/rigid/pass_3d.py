@@ -9,6 +9,7 @@ from pbd.jit import device
 from pbd.rigid import block_3d as at
 from pbd.rigid.block_3d import both_motions, speed_along, twist_speed
 from pbd.rigid.closing import CLOSED, OPEN, closing, opening
+from pbd.rigid.inverse_3d import set_inverse
 from pbd.rigid.turning import to_world
 from pbd.vector import dot, scale, subtract
 
@@ -39,6 +40,7 @@ def refresh(rows, c, bodies, weights, column):
         row[c, at.INVERSE + k] = inverse_weight(row, c, bodies, i, j, at.ARMS + 12 * k)
     middle_i, middle_j = middle(rows, c, bodies, normal, weights, column)
     set_friction(rows, c, bodies, i, j, (normal, tangent, binormal), middle_i, middle_j)
+    set_inverse(rows, c, bodies, points)
 
 
 @device

@@ -9,87 +9,32 @@ import numpy as np
 from pbd.rigid.detect_2d import detect_pair
 from pbd.rigid.pass_2d import foresee, project_contact, push, refresh, speeds, turn_over
 
-HOT = np.dtype(
-    [(name, np.int64) for name in ("i", "j", "points")]
-    + [
-        (name, np.float64)
-        for name in (
-            "nx",
-            "ny",
-            "ai",
-            "aj",
-            "bi",
-            "bj",
-            "ti",
-            "tj",
-            "wa",
-            "wb",
-            "wt",
-            "a",
-            "b",
-            "t",
-            "da",
-            "db",
-            "dt",
-            "ca",
-            "cb",
-            "ct",
-            "low_a",
-            "low_b",
-            "spent_n",
-            "spent_t",
-            "aa",
-            "ab",
-            "bb",
-            "at",
-            "bt",
-            "tt",
-            "iaa",
-            "iab",
-            "ibb",
-            "iat",
-            "ibt",
-            "itt",
-        )
-    ],
-    align=True,
-)
-COLD = np.dtype(
-    [(name, np.int64) for name in ("plane", "owner", "feature_a", "feature_b")]
-    + [
-        (name, np.float64)
-        for name in (
-            "local_nx",
-            "local_ny",
-            "iax",
-            "iay",
-            "ibx",
-            "iby",
-            "jax",
-            "jay",
-            "jbx",
-            "jby",
-            "gap_a",
-            "gap_b",
-            "slip",
-            "rest_a",
-            "rest_b",
-            "rest_t",
-            "force_a",
-            "force_b",
-            "force_t",
-            "impact_a",
-            "impact_b",
-        )
-    ],
-    align=True,
-)
 
-KEPT = np.dtype(
-    [(name, np.int64) for name in ("i", "j", "plane", "feature_a", "feature_b")]
-    + [(name, np.float64) for name in ("force_a", "force_b", "force_t", "slip")],
-    align=True,
+def record(whole: str, real: str) -> np.dtype:
+    """The type of a record of whole numbers, then of reals, by their names."""
+    return np.dtype([(n, np.int64) for n in whole.split()] + [(n, np.float64) for n in real.split()], align=True)
+
+
+HOT = record(
+    "i j points",
+    "nx ny ai aj bi bj ti tj wa wb wt a b t low_a low_b spent_n spent_t iaa iab ibb iat ibt itt"
+    " aa ab bb at bt tt da db dt ca cb ct",
 )
+"""What projections touch: bodies; the normal; moments r x n and r x t of the rows a, b, t, for both bodies; their
+biases [m/s] and impulses [N s]; the least normal impulses, and what a position pass has spent; K^-1; K; the last
+sweep's change, and the conjugate direction."""
+
+COLD = record(
+    "plane owner feature_a feature_b",
+    "local_nx local_ny iax iay ibx iby jax jay jbx jby gap_a gap_b slip rest_a rest_b rest_t force_a force_b force_t"
+    " impact_a impact_b",
+)
+"""The plane, or -1; in whose frame the normal is fixed (0: i, 1: j), and the normal there; arms of both points in both
+frames; gaps [m]; what a sticking contact has slipped [m]: to be undone; speeds at the start of the sub-step, then the
+impulses of its position pass; forces of the last velocity pass [N]; speeds of impacts [m/s], 0 for none."""
+
+KEPT = record("i j plane feature_a feature_b", "force_a force_b force_t slip")
+"""What a contact remembers while pairs are sought anew."""
 
 
 class Rows2(NamedTuple):
@@ -127,7 +72,6 @@ class Rows2(NamedTuple):
         return True
 
     def detect_row(self, c, bodies, planes, margin):
-        """Fill contact c of bodies hot.i < hot.j anew; impulses stay with what touches as before. Whether it touches."""
         return detect_pair(self.hot[c], self.cold[c], self.points, bodies, planes, margin)
 
     def mark_row(self, c, bodies):

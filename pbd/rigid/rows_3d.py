@@ -6,13 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pbd.jit import device
 from pbd.rigid import block_3d as at
-from pbd.rigid.block_3d import COLUMNS, POINTS, pushed_bodies, solve_block
+from pbd.rigid.block_3d import COLUMNS, POINTS, ROWS, push_bodies, solve_block
 from pbd.rigid.detect_3d import detect
 from pbd.rigid.pass_3d import contact_speeds, foresee, refresh, turn_over
-
-ROWS = 7
-"""Of a contact: four normals, two tangents, the twist."""
 
 
 class Rows3(NamedTuple):
@@ -27,7 +25,7 @@ class Rows3(NamedTuple):
     force (m, ROWS) : of the last velocity pass [N]
     drift (m, 3) : what sticking contacts have slipped [m] and twisted [rad]: to be undone
     kept_pair, kept_feature, kept_force, kept_drift : the same while pairs are sought anew
-    points : scratch of the narrow phase
+    points, square : scratch of the narrow phase and of the inversion of K
     """
 
     pair: np.ndarray
@@ -44,6 +42,7 @@ class Rows3(NamedTuple):
     kept_force: np.ndarray
     kept_drift: np.ndarray
     points: np.ndarray
+    square: np.ndarray
 
     def pair_of_row(self, c):
         return self.pair[c, 0], self.pair[c, 1], self.pair[c, 3]
@@ -89,7 +88,7 @@ class Rows3(NamedTuple):
             impulse = 0.5 * h * self.force[c, r]
             row[c, at.CHANGE + r] = impulse - row[c, at.IMPULSE + r]
             row[c, at.IMPULSE + r] = impulse
-        pushed_bodies(row, c, self.pair[c, 2], bodies.motion, self.pair[c, 0], self.pair[c, 1], at.CHANGE)
+        push_bodies(row, c, self.pair[c, 2], bodies.motion, self.pair[c, 0], self.pair[c, 1], at.CHANGE)
 
     def foresee_row(self, c, bodies, h, limits):
         return foresee(self, c, bodies, h, limits)
@@ -106,7 +105,7 @@ class Rows3(NamedTuple):
             row[c, at.IMPULSE + r] += step
             row[c, at.CHANGE + r] = step
         if share != 0.0:
-            pushed_bodies(row, c, self.pair[c, 2], bodies.motion, self.pair[c, 0], self.pair[c, 1], at.CHANGE)
+            push_bodies(row, c, self.pair[c, 2], bodies.motion, self.pair[c, 0], self.pair[c, 1], at.CHANGE)
 
     def turn_over_row(self, c, bodies, h, friction, restitution):
         turn_over(self, c, bodies, h, friction, restitution)
@@ -115,9 +114,6 @@ class Rows3(NamedTuple):
         if steady:
             for r in range(ROWS):
                 self.force[c, r] = 2.0 / h * self.row[c, at.IMPULSE + r]
-
-
-from pbd.jit import device  # noqa: E402
 
 
 @device
@@ -131,6 +127,16 @@ def new_rows(capacity: int) -> Any:
     whole, real = (lambda n: np.zeros((capacity, n), dtype=np.int64)), (lambda n: np.zeros((capacity, n)))
     remembered = whole(4), whole(6), real(ROWS), real(3)
     return Rows3(
-        whole(4), real(COLUMNS), whole(6), real(3 + 6 * POINTS), real(POINTS), real(POINTS), real(ROWS), real(ROWS),
-        real(3), *remembered, np.zeros((8, 5)),
+        whole(4),
+        real(COLUMNS),
+        whole(6),
+        real(3 + 6 * POINTS),
+        real(POINTS),
+        real(POINTS),
+        real(ROWS),
+        real(ROWS),
+        real(3),
+        *remembered,
+        np.zeros((8, 5)),
+        np.zeros((ROWS, ROWS)),
     )

@@ -163,7 +163,7 @@ def product(p, q):
 
 @device
 def set_turn(bodies, i, q):
-    """Give body i the orientation of a quaternion of any length: its unit quaternion, its matrix, its inverse inertia."""
+    """Turn body i as a quaternion of any length says: its unit quaternion, its matrix, its inverse inertia."""
     length = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     w, x, y, z = length * q[0], length * q[1], length * q[2], length * q[3]
     turn, f = bodies.turn, bodies.frame

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pbd.intrinsics import prefer_wide_vectors
-from pbd.solvers.incidence import Incidence, differences, spread
 from pbd.routine import routine, routine_sum
+from pbd.solvers.incidence import Incidence, differences, spread
 from pbd.vector import Store
 
 

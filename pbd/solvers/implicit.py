@@ -17,12 +17,12 @@ from pbd import fields
 from pbd.arrangement import Arrangement, Problem, bind_laws, is_empty
 from pbd.constraints.distance import Distance
 from pbd.errors import InvalidInput
+from pbd.routine import routine
 from pbd.solvers.conjugate_gradients import ConjugateGradients
 from pbd.solvers.elastic_energy import Energy, Springs, linearise, value
 from pbd.solvers.incidence import CHUNK, incidence
 from pbd.solvers.newton_cg import NEWTON, RESYNCHRONISED, Accuracy, Workspace, newton
 from pbd.solvers.resynchronisation import balance, resynchronised
-from pbd.routine import routine
 from pbd.stiffness import Compliance
 from pbd.vector import copy, from_store, zeros
 

@@ -71,7 +71,7 @@ def distance(a, b):
     """Least distance of two points, one in each box: a bounded linear least squares problem."""
     (ca, ha, ra), (cb, hb, rb) = parts(a), parts(b)
     limits = np.r_[ha, hb]
-    found = lsq_linear(np.hstack([ra, -rb]), cb - ca, bounds=(-limits, limits), tol=1e-14)
+    found = lsq_linear(np.hstack([ra, -rb]), cb - ca, bounds=(-limits, limits), method="bvls")
     return np.sqrt(2.0 * found.cost)
 
 

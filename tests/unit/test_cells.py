@@ -204,8 +204,22 @@ def test_one_wall_does_not_widen_the_cells():
     positions[7], radius[7] = (0.0, -50.0), 50.0
     cells = new_cells(radius, 2)
     assert cells.large.tolist() == [7]
-    assert cells.widest == 0.3
     check(positions, radius)
+    assert pairs_of(positions, radius, cells=cells)[0] > 0
+    assert candidates(cells) < 10.0
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_radii_may_change(d):
+    """Of any ball, in any direction, after the memory was made."""
+    rng = np.random.default_rng(7)
+    positions, radius = rng.uniform(0.0, 8.0, (150, d)), rng.uniform(0.1, 0.3, 150)
+    radius[11] = 20.0
+    cells = new_cells(radius, d)
+    for factors in (1.0, 3.0, rng.uniform(0.1, 4.0, 150), np.where(np.arange(150) % 50 == 7, 30.0, 1.0), 0.01):
+        count, pairs = pairs_of(positions, radius * factors, cells=cells)
+        sure, perhaps = brute(positions, radius * factors, 0.0)
+        assert sure <= set(map(tuple, pairs[:count].tolist())) <= perhaps
 
 
 @pytest.mark.parametrize("d", [2, 3])

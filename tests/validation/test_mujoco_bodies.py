@@ -152,7 +152,7 @@ def test_a_tumbling_brick_turns_by_euler_s_equations_at_order_four_matched():
     np.testing.assert_allclose(out.spins[:, 0], spins, atol=1e-6)
 
 
-def test_a_tumbling_brick_turns_at_order_one_by_default_and_keeps_no_momentum():
+def test_a_tumbling_brick_turns_at_order_one_by_default_and_loses_angular_momentum():
     scene, attitudes, _ = top()
     steps = np.array([1e-2, 5e-3, 2.5e-3])
     runs = [simulate(scene, "default", dt=dt) for dt in steps]
@@ -325,11 +325,21 @@ def test_what_is_switched_off_changes_no_bit(d):
     assert np.array_equal(full.positions, stripped.positions)
 
 
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_fixed_bodies_alone_and_no_bodies_run(d):
+    held = simulate(world([cube(1.0, d)], [np.full(d, 5.0)], floor(d), fixed=(0,)), dt=0.01)
+    assert np.all(held.positions == 5.0)
+    nobody = {name: np.zeros((0, *more)) for name, more in (("orientations", (4,)), ("spins", (3,)))} if d == 3 else {}
+    assert simulate(world([], np.zeros((0, d)), floor(d), **nobody), dt=0.01).positions.shape == (21, 0, d)
+
+
 def test_child_process_gives_the_same_run():
     spec = RunSpec(scene="stack", engine="mujoco", parameters={"dimension": 3}, preset="matched", settings={"dt": 0.01})
     apart, here = isolation.run_apart(spec), simulate(known("stack", dimension=3), dt=0.01)
     assert np.array_equal(apart.positions, here.positions)
     assert np.array_equal(apart.velocities, here.velocities)
+    assert np.array_equal(apart.orientations, here.orientations)
+    assert np.array_equal(apart.contact_forces, here.contact_forces)
 
 
 def test_restitution_is_unsupported_and_sweeps_are_distinct():

@@ -266,11 +266,19 @@ def test_bodies_keep_the_scene_s_order_around_a_fixed_one():
     assert np.all(out.positions[:, 1] == [3.0, 5.0])
 
 
+def test_fixed_bodies_alone_and_no_bodies_run():
+    held = simulate(world([Box((1.0, 1.0))], [[0.0, 5.0]], fixed=(0,)), dt=0.01)
+    assert np.all(held.positions == [0.0, 5.0])
+    assert simulate(world([], np.zeros((0, 2))), dt=0.01).positions.shape == (21, 0, 2)
+
+
 def test_child_process_gives_the_same_run():
     spec = RunSpec(scene="stack", engine="pymunk", parameters={"count": 3}, preset="matched", settings={"dt": 0.01})
     apart, here = isolation.run_apart(spec), simulate(run.build_scene("stack", {"count": 3}), dt=0.01)
     assert np.array_equal(apart.positions, here.positions)
     assert np.array_equal(apart.velocities, here.velocities)
+    assert np.array_equal(apart.orientations, here.orientations)
+    assert np.array_equal(apart.contact_forces, here.contact_forces)
 
 
 def test_only_space_is_unsupported():

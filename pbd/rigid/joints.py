@@ -1,0 +1,289 @@
+"""Joints of rigid bodies: shared points, hinges and distances, rigid or springs of a compliance alpha.
+
+With C the error of a joint, a sub-step of RATTLE (`pbd.integrators.rattle`) gives it the impulses p and p' such that
+
+    theta C(x + h v) + (1 - theta) C(x) + (2 alpha/h) p = 0             in the position pass,
+    J v + D (p' - p) = 0                                                in the velocity pass,
+
+    D = w (c/z)^2,  z = h^2 w/alpha,  s = D/(w + D),  theta = 1 - s/2,  w the mean of J M^-1 J^T, c = `RESOLVED`.
+
+A rigid joint has D = s = 0: C = 0 at the end, then J v = 0. A spring that the sub-step resolves has s near 1, theta = 1/2
+and p' = p: the trapezoidal rule, of second order. One that it does not resolve is damped, and tends to a rigid joint.
+For linear motion its energy changes by -(theta - 1/2)/alpha |dC|^2 - |J v|^2/D and less, never upwards, whatever is
+coupled to what; and at rest a load F is held at C = -alpha F for every sub-step. Deviation from XPBD (Macklin et al.
+2016; Mueller et al. 2020): that is of first order, and damps also what is resolved.
+
+Joints that form trees are solved at once (`pbd.rigid.joint_tree`), not one by one. Limit: impulses act along the
+gradients of their pose, so that the swinging of a body across a force F, of angular frequency sqrt(F r/I) at an arm r, or
+sqrt(F/(m L)) at a distance L, must be resolved: h times it < 2.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pbd.arrays import broadcast
+from pbd.errors import InvalidInput
+from pbd.rigid.bodies import Bodies
+from pbd.rigid.joint_input import arms_of, checked_compliance, checked_pairs, checked_points, in_frames
+from pbd.rigid.joint_kinds import Hinge, Length, SharedPoint, change, locate
+from pbd.rigid.joint_rows import (
+    JointRows,
+    complete,
+    invert,
+    new_joint_rows,
+    push,
+    softness,
+    solve_alone,
+    speeds,
+    springiness,
+    take_step,
+    weigh,
+)
+from pbd.rigid.joint_tree import Forest, factorise, plant, solve_forest
+from pbd.rigid.swing import swing
+from pbd.routine import routine
+from pbd.state import CHANGE, SIZE
+
+
+class Joints(NamedTuple):
+    """Joints of one kind, see `pbd.rigid.joint_kinds`, their rows, and how they hang together."""
+
+    kind: Any
+    rows: JointRows
+    forest: Forest
+
+    def mark(self, state):
+        mark_all(self, state)
+
+    def warm_start(self, state, h):
+        warm_start_all(self, state, h)
+
+    def foresee(self, state, h, whole):
+        foresee_all(self, state, h, whole)
+
+    def project(self, state, h):
+        project_all(self, state, h)
+
+    def extrapolate(self, state, share):
+        extrapolate_all(self, state, share)
+
+    def turn_over(self, state, h):
+        turn_over_all(self, state, h)
+
+    def settle(self, state, h, steady):
+        settle_all(self, state, h, steady)
+
+
+@routine
+def mark_all(joints, state):
+    """No impulse yet; after the first sub-step the rows are at the present pose."""
+    rows = joints.rows
+    if rows.located[0] == 0:
+        locate_all(joints, state)
+        rows.located[0] = 1
+    for c in range(rows.force.shape[0]):
+        for r in range(rows.force.shape[1]):
+            rows.impulse[c, r] = 0.0
+
+
+@routine
+def locate_all(joints, state):
+    for c in range(joints.rows.pair.shape[0]):
+        locate(joints.kind, c, joints.rows, state.bodies)
+        weigh(joints.rows, c, state.bodies)
+
+
+@routine
+def warm_start_all(joints, state, h):
+    """Rigid joints start from their last force; springs from none, or what a loop is not swept out of would grow."""
+    rows = joints.rows
+    for c in range(rows.force.shape[0]):
+        for r in range(rows.force.shape[1]):
+            impulse = 0.5 * h * rows.force[c, r] if rows.alpha[c, r] == 0.0 else 0.0
+            rows.step[c, r] = impulse - rows.impulse[c, r]
+            rows.impulse[c, r] = impulse
+        push(rows, c, state.bodies, rows.step)
+
+
+@routine
+def foresee_all(joints, state, h, whole):
+    """The law of the position pass over theta h; in a part of a sub-step a rigid error is undone at the rate of all."""
+    rows = joints.rows
+    for c in range(rows.force.shape[0]):
+        for r in range(rows.force.shape[1]):
+            s = springiness(rows, c, r, h)
+            factor = (s + (1.0 - s) * h / whole) / (h * (1.0 - 0.5 * s))
+            rows.bias[c, r] = factor * rows.error[c, r]
+            rows.soft[c, r] = factor * 2.0 * rows.alpha[c, r] / h
+    prepare(joints, state)
+
+
+@routine
+def prepare(joints, state):
+    """(K + soft)^-1 of what is swept, and the factors of what is not."""
+    rows, loops = joints.rows, joints.forest.loops
+    factorise(joints.forest, rows, state.bodies)
+    for k in range(loops.shape[0]):
+        c = loops[k]
+        for r in range(rows.soft.shape[1]):
+            for s in range(rows.soft.shape[1]):
+                rows.inverse[c, r, s] = rows.weight[c, r, s]
+            rows.inverse[c, r, r] += rows.soft[c, r]
+        invert(rows.inverse, c)
+
+
+@routine
+def project_all(joints, state, h):
+    rows, order, loops = joints.rows, joints.forest.order, joints.forest.loops
+    total, size = 0.0, 0.0
+    for k in range(order.shape[0]):
+        set_residual(joints, order[k], state.bodies, h)
+    solve_forest(joints.forest, rows, len(state.bodies.x))
+    for k in range(rows.pair.shape[0]):
+        c = order[k] if k < order.shape[0] else loops[k - order.shape[0]]
+        if k >= order.shape[0]:
+            set_residual(joints, c, state.bodies, h)
+            solve_alone(rows, c)
+        changed, sized = take_step(rows, c, state.bodies)
+        total, size = total + changed, size + sized
+    state.signals[CHANGE] += total
+    state.signals[SIZE] += size
+    state.work[0] += rows.pair.shape[0]
+
+
+@routine
+def set_residual(joints, c, bodies, h):
+    """Of joint c in the pass at hand; h is 0 for velocities."""
+    rows = joints.rows
+    if h > 0.0:
+        change(joints.kind, c, rows, bodies, (swing(bodies, rows.pair[c, 0], h), swing(bodies, rows.pair[c, 1], h)), h)
+    else:
+        speeds(rows, c, bodies)
+    complete(rows, c)
+
+
+@routine
+def extrapolate_all(joints, state, share):
+    rows = joints.rows
+    for c in range(rows.force.shape[0]):
+        for r in range(rows.force.shape[1]):
+            step = share * rows.direction[c, r]
+            rows.direction[c, r] = step + rows.step[c, r]
+            rows.impulse[c, r] += step
+            rows.step[c, r] = step
+        if share != 0.0:
+            push(rows, c, state.bodies, rows.step)
+
+
+@routine
+def turn_over_all(joints, state, h):
+    rows = joints.rows
+    locate_all(joints, state)
+    for c in range(rows.force.shape[0]):
+        for r in range(rows.force.shape[1]):
+            rows.soft[c, r] = softness(rows, c, r, h)
+            rows.bias[c, r] = -rows.soft[c, r] * rows.impulse[c, r]
+            rows.impulse[c, r] = 0.0
+    prepare(joints, state)
+
+
+@routine
+def settle_all(joints, state, h, steady):
+    rows = joints.rows
+    if steady:
+        for c in range(rows.force.shape[0]):
+            for r in range(rows.force.shape[1]):
+                rows.force[c, r] = 2.0 / h * rows.impulse[c, r]
+
+
+# ------------------------------------------------------------------ what a user calls
+
+
+def ball_joint(bodies: Bodies, pairs: Any, anchors: Any, compliance: Any = 0.0) -> Joints:
+    """Two bodies share a point: in 2D a hinge, in 3D a ball in its socket. A compliant one is a spring of length 0.
+
+    Parameters
+    ----------
+    pairs : (m, 2) indices of bodies; -1 or None is the world
+    anchors : (m, d) the points in the world [m], with the bodies where they are now
+    compliance : (m,) or one number alpha [m/N], >= 0; 0 is rigid
+
+    Raises
+    ------
+    InvalidInput : an index that does not exist, a pair that nothing can move, a shape that does not fit, alpha < 0
+    """
+    rows, d = checked_pairs(bodies, pairs), len(bodies.x)
+    points = checked_points("anchors", anchors, len(rows), d)
+    alpha = checked_compliance(compliance, len(rows), d)
+    return _joined(bodies, _shared(bodies, rows, points), rows, alpha)
+
+
+def hinge(bodies: Bodies, pairs: Any, anchors: Any, axes: Any, compliance: Any = 0.0) -> Joints:
+    """Two bodies in 3D share a point, and turn against each other about one axis only.
+
+    Parameters
+    ----------
+    pairs, anchors : as in `ball_joint`
+    axes : (m, 3) in the world, of any length > 0
+    compliance : (m,) or one number alpha [m/N] of the point, >= 0; the axis is held rigidly
+
+    Raises
+    ------
+    InvalidInput : as in `ball_joint`; bodies in 2D, an axis of length 0
+    """
+    if len(bodies.x) != 3:
+        raise InvalidInput("bodies", "in 2D", "in 3D for a hinge", "in 2D a ball_joint is one")
+    rows = checked_pairs(bodies, pairs)
+    m = len(rows)
+    points, given = checked_points("anchors", anchors, m, 3), checked_points("axes", axes, m, 3)
+    lengths = np.linalg.norm(given, axis=1)
+    if m and not lengths.min() > 0.0:
+        raise InvalidInput("axes", given[int(np.argmin(lengths))].tolist(), "of length > 0")
+    axis = given / lengths[:, None]
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis), axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    alpha = np.hstack([checked_compliance(compliance, m, 3), np.zeros((m, 2))])
+    sides = (0, axis), (1, first), (1, np.cross(axis, first))
+    directions = (in_frames(bodies, rows[:, side], vectors) for side, vectors in sides)
+    return _joined(bodies, Hinge(_shared(bodies, rows, points), *directions), rows, alpha)
+
+
+def distance_joint(
+    bodies: Bodies, pairs: Any, anchors_a: Any, anchors_b: Any, lengths: Any = None, compliance: Any = 0.0
+) -> Joints:
+    """A point of one body keeps its distance from a point of another: a rod, or a spring.
+
+    Parameters
+    ----------
+    pairs : as in `ball_joint`
+    anchors_a, anchors_b : (m, d) points of the first and second bodies in the world [m], apart
+    lengths : (m,) or one number [m], > 0; default the distances now
+    compliance : (m,) or one number alpha [m/N], >= 0; 0 is rigid
+
+    Raises
+    ------
+    InvalidInput : as in `ball_joint`; points that coincide, a length that is not > 0
+    """
+    rows, d = checked_pairs(bodies, pairs), len(bodies.x)
+    m = len(rows)
+    a, b = checked_points("anchors_a", anchors_a, m, d), checked_points("anchors_b", anchors_b, m, d)
+    now = np.linalg.norm(b - a, axis=1)
+    wanted = now if lengths is None else broadcast("lengths", lengths, (m,))
+    for field, values in (("the distance of anchors_a and anchors_b", now), ("lengths", wanted)):
+        if m and not values.min() > 0.0:
+            raise InvalidInput(field, float(values.min()), "> 0 m", "use ball_joint")
+    ends = arms_of(bodies, rows[:, 0], a), arms_of(bodies, rows[:, 1], b)
+    return _joined(bodies, Length(*ends, wanted), rows, checked_compliance(compliance, m, 1))
+
+
+def _shared(bodies: Bodies, rows: np.ndarray, points: np.ndarray) -> SharedPoint:
+    return SharedPoint(arms_of(bodies, rows[:, 0], points), arms_of(bodies, rows[:, 1], points))
+
+
+def _joined(bodies: Bodies, kind: Any, rows: np.ndarray, alpha: np.ndarray) -> Joints:
+    d = len(bodies.x)
+    forest = plant(rows, bodies.motion[:, 3 * (d - 1)] == 0.0, alpha.shape[1], 3 * (d - 1))
+    return Joints(kind, new_joint_rows(rows, alpha, d), forest)
