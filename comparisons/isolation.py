@@ -60,7 +60,7 @@ class Worker:
     def run(self, spec: RunSpec) -> Trajectory:
         """The trajectory of ``spec``; raises `Lost`."""
         answer = self._ask({"task": "run", "spec": msgspec.to_builtins(spec)})
-        arrays = {name: np.frombuffer(blob).reshape(shape) for name, (blob, shape) in answer["arrays"].items()}
+        arrays: Any = {name: np.frombuffer(blob).reshape(shape) for name, (blob, shape) in answer["arrays"].items()}
         return Trajectory(**arrays, **answer["rest"])
 
     def seconds(self, spec: RunSpec) -> tuple[float, float]:

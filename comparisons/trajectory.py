@@ -50,5 +50,5 @@ def from_samples(
     end = int(np.argmin(finite))
     quantity = "velocity" if np.isfinite(positions[end]).all() else "position"
     done = steps * end // max(len(times) - 1, 1)
-    cut = {key: value[:end] if isinstance(value, np.ndarray) else value for key, value in of_bodies.items()}
+    cut: Any = {key: value[:end] if isinstance(value, np.ndarray) else value for key, value in of_bodies.items()}
     return Trajectory(times[:end], positions[:end], velocities[:end], done, diverged=quantity, **cut)

@@ -33,7 +33,7 @@ class Arrangement(NamedTuple):
     """
 
     solver: Any
-    particles: Particles
+    particles: Particles | None
     batches: tuple
     slot: np.ndarray | None = None
 

@@ -174,10 +174,9 @@ def run(
         for preset in one.presets
     ]
     check(spec for part in asked for spec in part.specs)
-    with Gatherer(
-        list(dict.fromkeys(one.engine for one in contenders)), "contacts", workers=workers, quiet=quiet
-    ) as all_:
-        groups = all_.groups([(part.contender.engine, capped(part.specs, cap)) for part in asked])
+    names = list(dict.fromkeys(one.engine for one in contenders))
+    with Gatherer(names, "contacts", workers=workers, quiet=quiet) as gatherer:
+        groups = gatherer.groups([(part.contender.engine, capped(part.specs, cap)) for part in asked])
     found: dict[tuple[Question, Contender, float], list[list[Record]]] = {}
     for part, group in zip(asked, groups, strict=True):
         for rate, records in part.by_rate(group).items():

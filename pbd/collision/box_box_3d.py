@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from pbd.collision.face_face import edge_number, edge_pair, touch_faces
+from pbd.collision.face_face import INSIDE, edge_number, edge_pair, touch_faces
 from pbd.collision.frames import column, cosines, cross, cycle, pick, to_frame, transposed
 from pbd.jit import device
 from pbd.vector import add, dot, negate, scale, subtract
@@ -35,7 +35,8 @@ def box_box(a, b, margin, hint, points):
         along the normal, negative where they overlap; and a number that stays while the same features touch, a vertex
         of a (0 to 7) or of b (8 to 15), or an edge of each (16 to 159)
 
-    The gap along the best axis is exact for boxes that overlap; for boxes that are apart it is at most their distance.
+    The gap is the least depth of boxes that overlap. Of boxes that are apart it is the distance, if there are points:
+    there are none where a vertex is nearest to a vertex or an edge, until they touch.
     """
     if hint >= 0 and is_separating(a, b, hint, margin):
         return 0, NOWHERE, hint
@@ -142,7 +143,11 @@ def best_edges(between, half, other, turn, least):
 
 @device
 def touch_edges(a, b, edges, points):
-    """Contact of two edges, halfway between the nearest points of their lines: (1, normal)."""
+    """Contact of two edges, halfway between the nearest points of their lines: (1, normal).
+
+    None, (0, normal), where boxes are apart and these points lie beyond the edges' ends: then vertices are nearest, and
+    farther from one another than the gap.
+    """
     i, j = edges // 3, edges % 3
     between = subtract(b[0], a[0])
     u, v = column(a[2], i), column(b[2], j)
@@ -153,12 +158,14 @@ def touch_edges(a, b, edges, points):
     q, second = middle_of_edge(b, j, negate(normal))
     gap = subtract(add(between, q), p)
     cosine, along_u, along_v = dot(u, v), dot(gap, u), dot(gap, v)
-    on_a = clamp((along_u - cosine * along_v) / square, pick(a[1], i))
-    on_b = clamp((cosine * along_u - along_v) / square, pick(b[1], j))
-    ends = add(add(p, scale(on_a, u)), add(add(between, q), scale(on_b, v)))
+    on_a, end_a = (along_u - cosine * along_v) / square, pick(a[1], i)
+    on_b, end_b = (cosine * along_u - along_v) / square, pick(b[1], j)
+    points[0, 3] = dot(normal, gap)
+    if points[0, 3] > 0.0 and max(abs(on_a) / end_a, abs(on_b) / end_b) > 1.0 + INSIDE:
+        return 0, normal
+    ends = add(add(p, scale(clamp(on_a, end_a), u)), add(add(between, q), scale(clamp(on_b, end_b), v)))
     for k in range(3):
         points[0, k] = a[0][k] + 0.5 * ends[k]
-    points[0, 3] = dot(normal, gap)
     points[0, 4] = edge_pair(first, second)
     return 1, normal
 

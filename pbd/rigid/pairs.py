@@ -1,4 +1,4 @@
-"""Which bodies may touch: candidate pairs, sought only when a body may have left the reach with which they were found."""
+"""Which bodies may touch: candidate pairs, sought anew only when a body may have left the reach allowed for."""
 
 from __future__ import annotations
 

@@ -121,8 +121,8 @@ def push(hot, motion, a, b, t):
 def project_contact(hot, motion, mu):
     """One projection: solve the contact exactly for the present velocities of all else.
 
-    Most stick, or do not touch; only for the others the cases are gone through. Returns the squares, in the norm of K,
-    of the change and of the impulses.
+    Most stick, or do not touch; only for the others the cases are gone through. Returns the squares of the change and of
+    the impulses in the norm of K: that of the change d is -d.w where the contact sticks, and of the same size elsewhere.
     """
     ua, ub, ut = speeds(hot, motion)
     ua, ub, ut = ua + hot["wa"], ub + hot["wb"], ut + hot["wt"]
@@ -140,8 +140,7 @@ def project_contact(hot, motion, mu):
     a, b, t = a + da, b + db, t + dt
     hot["a"], hot["b"], hot["t"], hot["da"], hot["db"], hot["dt"] = a, b, t, da, db, dt
     push(hot, motion, da, db, dt)
-    k = Block(hot["aa"], hot["ab"], hot["bb"], hot["at"], hot["bt"], hot["tt"])
-    return square(k, da, db, dt), square(k, a, b, t)
+    return abs(da * ua + db * ub + dt * ut), (a + b) * (a + b) * hot["aa"]
 
 
 @device
@@ -159,12 +158,6 @@ def change_by_cases(hot, mu, ua, ub, ut):
     spent = (hot["spent_n"] + low_a + low_b, hot["spent_t"])
     new_a, new_b, new_t = solve_block(q, k, inverse, spent, mu, hot["points"])
     return new_a + da, new_b + db, new_t - t
-
-
-@device
-def square(k, a, b, t):
-    """p^T K p [J]."""
-    return k.aa * a * a + k.bb * b * b + k.tt * t * t + 2.0 * (k.ab * a * b + k.at * a * t + k.bt * b * t)
 
 
 @device

@@ -18,11 +18,11 @@ def record(whole: str, real: str) -> np.dtype:
 HOT = record(
     "i j points",
     "nx ny ai aj bi bj ti tj wa wb wt a b t low_a low_b spent_n spent_t iaa iab ibb iat ibt itt"
-    " aa ab bb at bt tt da db dt ca cb ct",
+    " da db dt ca cb ct aa ab bb at bt tt",
 )
 """What projections touch: bodies; the normal; moments r x n and r x t of the rows a, b, t, for both bodies; their
-biases [m/s] and impulses [N s]; the least normal impulses, and what a position pass has spent; K^-1; K; the last
-sweep's change, and the conjugate direction."""
+biases [m/s] and impulses [N s]; the least normal impulses, and what a position pass has spent; K^-1; the last
+sweep's change, and the conjugate direction; K."""
 
 COLD = record(
     "plane owner feature_a feature_b",

@@ -2,8 +2,9 @@
 
 Source: Silcowitz-Hansen, Niebe and Erleben 2010, a nonsmooth nonlinear conjugate gradient method: a sweep is taken as
 the gradient step of Fletcher and Reeves, and the last direction is gone along again by the ratio of squared steps;
-where that exceeds 1 it starts anew. A pass ends with a sweep, so impulses always obey their contact's laws. Where sweeps alone need of the order of n^2 for a stack of n, or the mass ratio, this needs n, or its
-root. Deviation: steps are measured in the energy of their velocity changes, so that heavy and light bodies count alike.
+where that exceeds 1 it starts anew. A pass ends with a sweep, so impulses always obey their contact's laws.
+Where sweeps alone need of the order of n^2 for a stack of n, or the mass ratio, this needs n, or its root. Deviation:
+steps are measured in the energy of their velocity changes, so that heavy and light bodies count alike.
 """
 
 from __future__ import annotations

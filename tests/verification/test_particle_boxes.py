@@ -18,7 +18,8 @@ from comparisons.bodies import Ball, Bodies, Box, Planes, at_rest, rotations
 from comparisons.engines import _particle_boxes_motion as boxes
 from comparisons.engines import particle_boxes
 from comparisons.engines.particle_boxes import Settings
-from comparisons.metrics import Subject
+from comparisons.metrics import Subject, penetration
+from comparisons.run import build_scene
 from comparisons.scene import Scene, no_masses
 from pbd.constraints import box_contact
 from pbd.constraints.surface import gap_between
@@ -360,6 +361,20 @@ def test_a_box_rests_on_a_fixed_one(dimension):
     np.testing.assert_array_equal(trajectory.positions[:, 0], np.tile(positions[0], (11, 1)))
     np.testing.assert_allclose(trajectory.positions[:, 1], np.tile(positions[1], (11, 1)), atol=1e-6)
     assert trajectory.contact_forces is None, "momentum does not tell the floor's force from the fixed box's"
+
+
+@DIMENSIONS
+def test_a_heap_never_gains_energy_however_small_the_step(dimension):
+    """A contact that is none, beside a face or across edges that do not touch, would move a box by d in one step.
+
+    It then has the velocity d/h, which small steps show.
+    """
+    described = build_scene("pile", {"count": 40, "dimension": dimension, "duration": 1.5, "samples": 150})
+    trajectory = ran(described, dt=0.01, substeps=50, iterations=5)
+    subject = Subject(trajectory, described)
+    assert np.diff(subject.energy).max() <= 1e-6 * subject.energy[0]
+    assert penetration.measure(subject) < 1e-3
+    assert subject.energy[-1] < 0.7 * subject.energy[0], "they do fall"
 
 
 def test_planks_that_cross_carry_each_other():
