@@ -61,6 +61,7 @@ def observe(integrator, solver, scene, recordings, k):
     """Write sample k; an integrator whose velocities live elsewhere than its positions brings them there first."""
     record(scene.state.particles, recordings[0], k)
     record(scene.state.bodies, recordings[1], k)
+    record_load(scene.batches, recordings[1], k)
 
 
 @stage(required=True)
@@ -97,6 +98,11 @@ def end(batch, state, h):
 @stage
 def detect(batch, state, h, left):
     """Before a sub-step, ``left`` of which are left in the step: find what touches, as seldom as motion allows."""
+
+
+@stage
+def record_load(batch, recording, k):
+    """Add the forces of planes on bodies, as of the last velocity pass, to sample k."""
 
 
 @stage

@@ -14,6 +14,7 @@ matplotlib.use("Agg")
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from comparisons.study import Panel, Series, Study
@@ -38,6 +39,8 @@ LEGEND = 2.4
 
 LETTERS = 26
 """Of the legend, that fit into a line of it."""
+
+LOST: dict[str, Any] = {"marker": "x", "linestyle": "none", "markersize": 9, "markeredgewidth": 2.2, "zorder": 5}
 
 Cell = tuple[Study, str, str]
 """A study, the name of its panel, the heading."""
@@ -131,9 +134,12 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
     for series in group:
         if series.kind == "points":
             ax.plot(series.x, series.y, ".", color=colour(series), alpha=0.3, markersize=4, zorder=1)
+        elif series.kind == "lost":
+            ax.plot(series.x, series.y, color=colour(series), **LOST)
+            handles[series.label] = Line2D([], [], color="#666666", **LOST)
         elif series.x:
             (handles[series.label],) = ax.plot(series.x, series.y, color=colour(series), **styles[series.label])
-    if any(series.kind == "front" for series in group):
+    if any(series.kind in ("front", "trade") for series in group):
         arrow = {"arrowstyle": "->", "color": "#666666"}
         ax.annotate("better", (0.03, 0.03), (0.2, 0.14), xycoords="axes fraction", color="#666666", arrowprops=arrow)
     return handles

@@ -73,7 +73,7 @@ def looks(group: list[Series]) -> dict[str, dict]:
     ranks: dict[str, int] = {}
     found: dict[str, dict] = {}
     for series in group:
-        if series.label in found or series.kind == "points":
+        if series.label in found or series.kind in ("points", "lost"):
             continue
         rank = ranks[series.engine] = ranks.get(series.engine, -1) + 1
         thickness = max(1.2, 2.4 - 0.3 * list(ranks).index(series.engine))

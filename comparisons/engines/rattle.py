@@ -80,7 +80,17 @@ def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
         motion = out.bodies
         work = {"projections": out.projections, "pairs": out.pairs}
         turned = {"orientations": motion.orientations, "spins": motion.spins}
-        return Trajectory(out.times, motion.positions, motion.velocities, out.steps, work, out.quantity, **turned)
+        loads = np.linalg.norm(motion.loads, axis=1)
+        return Trajectory(
+            out.times,
+            motion.positions,
+            motion.velocities,
+            out.steps,
+            work,
+            out.quantity,
+            **turned,
+            contact_forces=loads,
+        )
 
     return run
 
@@ -91,9 +101,7 @@ def _simulation(scene: Scene, settings: Settings) -> Any:
     bodies = _bodies(scene.bodies, len(scene.gravity))
     planes = pbd.planes(scene.planes.normals, scene.planes.offsets) if scene.planes is not None else None
     pull = float(np.linalg.norm(scene.gravity))
-    contacts = pbd.contacts(
-        bodies, planes, friction=scene.friction, restitution=scene.restitution, gravity=pull
-    )
+    contacts = pbd.contacts(bodies, planes, friction=scene.friction, restitution=scene.restitution, gravity=pull)
     return pbd.Simulation(
         None,
         [contacts],

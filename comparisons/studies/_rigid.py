@@ -59,8 +59,8 @@ ACCURATE = Contender("RATTLE contacts, accurate", OURS, ("accurate",))
 PARTICLES = Contender("PBD particle boxes", "particle_boxes", ("accurate",))
 EULER = Contender("symplectic Euler", "symplectic_euler", ("matched",))
 AT_ONE_PRESET = (
-    FAST,
     ACCURATE,
+    FAST,
     PARTICLES,
     Contender("pybullet, matched", "pybullet", ("matched",)),
     Contender("pybullet, default", "pybullet", ("default",)),

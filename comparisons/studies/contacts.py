@@ -28,8 +28,8 @@ CAP = 4.0
 
 LOWEST = 1e-16
 CONTENDERS = (
-    FAST,
     ACCURATE,
+    FAST,
     PARTICLES,
     Contender("pybullet, best preset", "pybullet", ("matched", "matched_bounce", "default")),
     Contender("pybullet, default", "pybullet", ("default",)),

@@ -68,12 +68,16 @@ class Ball:
 
 
 class BodyRecording(NamedTuple):
-    """Samples of bodies: stores of arrays (samples, n) of centres, velocities, turns and spins."""
+    """Samples of bodies: stores of arrays (samples, n) of centres, velocities, turns and spins.
+
+    load : store of arrays (samples, 1), the sum of all planes' forces on them
+    """
 
     x: Store
     v: Store
     turn: Store
     spin: Store
+    load: Store
 
 
 class BodyMotion(NamedTuple):
@@ -82,12 +86,14 @@ class BodyMotion(NamedTuple):
     positions, velocities : (s, n, d) of the centres [m], [m/s]
     orientations : (s, n) angles [rad] in 2D, (s, n, 4) unit quaternions (w, x, y, z) in 3D
     spins : (s, n) [rad/s] in 2D, (s, n, 3) about the world's axes in 3D
+    loads : (s, d) sum of all planes' forces on the bodies [N], at the end of the last sub-step
     """
 
     positions: np.ndarray
     velocities: np.ndarray
     orientations: np.ndarray
     spins: np.ndarray
+    loads: np.ndarray
 
 
 class Bodies(NamedTuple):
@@ -116,12 +122,15 @@ class Bodies(NamedTuple):
     def new_recording(self, samples: int) -> BodyRecording:
         """An empty recording (called by Python, not by kernels)."""
         shape, d = (samples, len(self.radius) - 1), len(self.x)
-        return BodyRecording(*(zeros(shape, count) for count in (d, d, len(self.turn), AXES[d])))
+        stores = (zeros(shape, count) for count in (d, d, len(self.turn), AXES[d]))
+        return BodyRecording(*stores, zeros((samples, 1), d))
 
     def from_recording(self, recording: BodyRecording, samples: int) -> BodyMotion:
         """The first so many samples (called by Python, not by kernels)."""
-        x, v, turn, spin = (from_store(store)[:samples] for store in recording)
-        return BodyMotion(x, v, turn[..., 0], spin[..., 0]) if len(self.x) == 2 else BodyMotion(x, v, turn, spin)
+        x, v, turn, spin, load = (from_store(store)[:samples] for store in recording)
+        if len(self.x) == 2:
+            turn, spin = turn[..., 0], spin[..., 0]
+        return BodyMotion(x, v, turn, spin, load[:, 0])
 
     def kick(self, acceleration, h):
         d = len(self.x)

@@ -23,6 +23,7 @@ from pbd.rigid.pairs import ACTIVE, PAIRS, WAIT, is_stale, note_speeds, seek_pai
 from pbd.rigid.rows import (
     detect_row,
     extrapolate_row,
+    force_of_row,
     foresee_row,
     mark_row,
     pair_of_row,
@@ -89,6 +90,14 @@ class Contacts(NamedTuple):
         self.counts[WAIT] -= 1
         if self.counts[WAIT] <= 0:
             detect_all(self, state, h, left)
+
+    def record_load(self, recording, k):
+        for a in range(self.counts[ACTIVE]):
+            c = self.active[a]
+            if pair_of_row(self.rows, c)[2] >= 0:
+                push = force_of_row(self.rows, c)
+                for axis in range(len(recording.load)):
+                    recording.load[axis][k, 0] -= push[axis]
 
     def mark(self, state):
         mark_all(self, state)

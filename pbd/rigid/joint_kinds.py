@@ -61,7 +61,8 @@ class Length(NamedTuple):
         rows.error[c, 0] = length - self.length[c]
         if length > 0.0:
             n = scale(1.0 / length, away)
-            set_row(rows, c, 0, bodies.motion, n, moment(ri, n), moment(rj, n))
+            set_row(rows, c, 0, 0, bodies.motion, n, moment(ri, n))
+            set_row(rows, c, 0, 1, bodies.motion, n, moment(rj, n))
 
     def change(self, c, rows, bodies, turns, h):
         ri, rj = arms(self, c, rows, bodies)
@@ -102,7 +103,8 @@ def locate_point(ends, c, rows, bodies):
     ri, rj = add(ri, half), subtract(rj, half)
     for k in range(len(half)):
         n = unit(half, k)
-        set_row(rows, c, k, bodies.motion, n, moment(ri, n), moment(rj, n))
+        set_row(rows, c, k, 0, bodies.motion, n, moment(ri, n))
+        set_row(rows, c, k, 1, bodies.motion, n, moment(rj, n))
         rows.error[c, k] = 2.0 * half[k]
 
 
@@ -137,7 +139,8 @@ def motion_between(c, rows, bodies, turns, ri, rj, h):
 @device
 def set_angle(rows, c, r, motion, axis, across):
     about = cross(across, axis)
-    set_row(rows, c, r, motion, (0.0, 0.0, 0.0), about, about)
+    set_row(rows, c, r, 0, motion, (0.0, 0.0, 0.0), about)
+    set_row(rows, c, r, 1, motion, (0.0, 0.0, 0.0), about)
     rows.error[c, r] = dot(axis, across)
 
 

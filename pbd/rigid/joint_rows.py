@@ -21,7 +21,7 @@ from pbd.collision.frames import cross
 from pbd.intrinsics import typed
 from pbd.jit import device
 from pbd.rigid.pass_3d import accelerated
-from pbd.rigid.turning import AXES
+from pbd.routine import routine
 from pbd.vector import Vector
 
 RESOLVED = 16.0
@@ -29,29 +29,30 @@ RESOLVED = 16.0
 
 
 class JointRows(NamedTuple):
-    """m joints of R rows each.
+    """m joints of R rows each, between bodies of N = 3 or 6 velocities: of motion and spin.
 
     pair (m, 2) : bodies i and j; the ground is the last
-    row (m, R, columns) : n, m_i, m_j, and I^-1 of both moments
+    gradient, answer (m, 2, R, N) : J and M^-1 J^T, of both bodies
     alpha (m, R) : compliance [m/N]; 0 is rigid
     error (m, R) : C at the present pose
     weight (m, R, R) : K [1/kg]
-    mobility (m,) : mean of K's diagonal over the rows that are lengths [1/kg]
     inverse (m, R, R) : (K + soft)^-1 of the present pass, in a tree with K as all that hangs on the joint makes it
+    mobility (m,) : mean of K's diagonal over the rows that are lengths [1/kg]
     soft, bias (m, R) : of the present pass
     impulse, step, direction (m, R) : of the present pass, the last sweep, and the conjugate direction [N s]
-    residual (m, R) : scratch
+    residual (m, R) : rate + bias + soft p
     force (m, R) : of the last velocity pass [N]
     located (1,) : whether the rows are at the present pose
     """
 
     pair: np.ndarray
-    row: np.ndarray
+    gradient: np.ndarray
+    answer: np.ndarray
     alpha: np.ndarray
     error: np.ndarray
     weight: np.ndarray
-    mobility: np.ndarray
     inverse: np.ndarray
+    mobility: np.ndarray
     soft: np.ndarray
     bias: np.ndarray
     impulse: np.ndarray
@@ -62,20 +63,21 @@ class JointRows(NamedTuple):
     located: np.ndarray
 
 
-def new_joint_rows(pairs: np.ndarray, alpha: np.ndarray, dimension: int) -> JointRows:
+def new_joint_rows(pairs: np.ndarray, alpha: np.ndarray, velocities: int) -> JointRows:
     """Memory for joints of ``pairs`` (m, 2) with the compliances ``alpha`` (m, R)."""
     m, count = alpha.shape
-    square, columns = (m, count, count), dimension + 4 * AXES[dimension]
+    sides, square = (m, 2, count, velocities), (m, count, count)
+    names = "error", "soft", "bias", "impulse", "step", "direction", "residual", "force"
     return JointRows(
-        pairs,
-        np.zeros((m, count, columns)),
-        alpha,
-        np.zeros((m, count)),
-        np.zeros(square),
-        np.zeros(m),
-        np.zeros(square),
-        *(np.zeros((m, count)) for _ in range(7)),
-        np.zeros(1, dtype=np.int64),
+        pair=pairs,
+        gradient=np.zeros(sides),
+        answer=np.zeros(sides),
+        alpha=alpha,
+        weight=np.zeros(square),
+        inverse=np.zeros(square),
+        mobility=np.zeros(m),
+        located=np.zeros(1, dtype=np.int64),
+        **{name: np.zeros((m, count)) for name in names},
     )
 
 
@@ -106,39 +108,36 @@ def _spun(motion: Any, i: Any, m: Any) -> Any:
     return lambda motion, i, m: accelerated(motion, i, m)
 
 
-@device
-def set_row(rows, c, r, motion, n, mi, mj):
-    """Row r of joint c: its direction n and its moments."""
-    row, d, axes = rows.row, len(n), len(mi)
-    ti, tj = spun(motion, rows.pair[c, 0], mi), spun(motion, rows.pair[c, 1], mj)
+@routine
+def set_row(rows, c, r, side, motion, n, m):
+    """Row r of joint c, of its first (side 0) or second body: direction n and moment m, negative for the first."""
+    i, d = rows.pair[c, side], len(n)
+    turn, sign = spun(motion, i, m), 2.0 * side - 1.0
     for k in range(d):
-        row[c, r, k] = n[k]
-    for k in range(axes):
-        row[c, r, d + k], row[c, r, d + axes + k] = mi[k], mj[k]
-        row[c, r, d + 2 * axes + k], row[c, r, d + 3 * axes + k] = ti[k], tj[k]
+        rows.gradient[c, side, r, k] = sign * n[k]
+        rows.answer[c, side, r, k] = sign * motion[i, 3 * (d - 1)] * n[k]
+    for k in range(len(m)):
+        rows.gradient[c, side, r, d + k] = sign * m[k]
+        rows.answer[c, side, r, d + k] = sign * turn[k]
 
 
-@device
-def weigh(rows, c, bodies):
-    """K = J M^-1 J^T."""
-    row, motion, d = rows.row, bodies.motion, len(bodies.x)
-    turns = 2 * (2 * d - 3)
-    mass = motion[rows.pair[c, 0], 3 * (d - 1)] + motion[rows.pair[c, 1], 3 * (d - 1)]
-    for r in range(row.shape[1]):
+@routine
+def weigh(rows, c, lengths):
+    """K = J M^-1 J^T; the first so many rows are lengths."""
+    trace, count = 0.0, rows.weight.shape[1]
+    for r in range(count):
         for s in range(r + 1):
-            along, about = 0.0, 0.0
-            for k in range(d):
-                along += row[c, r, k] * row[c, s, k]
-            for k in range(turns):
-                about += row[c, r, d + k] * row[c, s, d + turns + k]
-            rows.weight[c, r, s] = rows.weight[c, s, r] = mass * along + about
-    lengths, trace = min(d, row.shape[1]), 0.0
-    for r in range(lengths):
-        trace += rows.weight[c, r, r]
-    rows.mobility[c] = trace / lengths
+            total = 0.0
+            for k in range(rows.gradient.shape[3]):
+                total += rows.gradient[c, 0, r, k] * rows.answer[c, 0, s, k]
+                total += rows.gradient[c, 1, r, k] * rows.answer[c, 1, s, k]
+            rows.weight[c, r, s] = rows.weight[c, s, r] = total
+        if r < lengths:
+            trace += rows.weight[c, r, r]
+    rows.mobility[c] = trace / min(lengths, count)
 
 
-@device
+@routine
 def invert(a, c):
     """Matrix a_c <- its inverse, by Gauss and Jordan; it is symmetric and positive, and so needs no pivots."""
     for k in range(a.shape[1]):
@@ -157,67 +156,56 @@ def invert(a, c):
 # ------------------------------------------------------------------ velocities
 
 
-@device
-def speeds(rows, c, bodies):
+@routine
+def speeds(rows, c, motion):
     """residual <- J v."""
-    row, motion, d = rows.row, bodies.motion, len(bodies.x)
-    i, j, axes = rows.pair[c, 0], rows.pair[c, 1], 2 * d - 3
-    for r in range(row.shape[1]):
+    i, j = rows.pair[c, 0], rows.pair[c, 1]
+    for r in range(rows.step.shape[1]):
         total = 0.0
-        for k in range(d):
-            total += row[c, r, k] * (motion[j, k] - motion[i, k])
-        for k in range(axes):
-            total += row[c, r, d + axes + k] * motion[j, d + k] - row[c, r, d + k] * motion[i, d + k]
+        for k in range(rows.gradient.shape[3]):
+            total += rows.gradient[c, 0, r, k] * motion[i, k] + rows.gradient[c, 1, r, k] * motion[j, k]
         rows.residual[c, r] = total
 
 
-@device
-def push(rows, c, bodies, p):
-    """v <- v + M^-1 J^T p, for p (m, R)."""
-    row, motion, d = rows.row, bodies.motion, len(bodies.x)
-    i, j, axes, mass = rows.pair[c, 0], rows.pair[c, 1], 2 * d - 3, 3 * (d - 1)
-    for k in range(d):
-        total = 0.0
-        for r in range(row.shape[1]):
-            total += p[c, r] * row[c, r, k]
-        motion[i, k] -= motion[i, mass] * total
-        motion[j, k] += motion[j, mass] * total
-    for k in range(axes):
-        turn_i, turn_j = 0.0, 0.0
-        for r in range(row.shape[1]):
-            turn_i += p[c, r] * row[c, r, d + 2 * axes + k]
-            turn_j += p[c, r] * row[c, r, d + 3 * axes + k]
-        motion[i, d + k] -= turn_i
-        motion[j, d + k] += turn_j
+@routine
+def push(rows, c, motion):
+    """v <- v + M^-1 J^T step."""
+    for side in range(2):
+        i = rows.pair[c, side]
+        for k in range(rows.answer.shape[3]):
+            total = 0.0
+            for r in range(rows.step.shape[1]):
+                total += rows.answer[c, side, r, k] * rows.step[c, r]
+            motion[i, k] += total
 
 
-@device
+@routine
 def complete(rows, c):
     """residual <- rate + bias + soft p."""
-    for r in range(rows.row.shape[1]):
+    for r in range(rows.step.shape[1]):
         rows.residual[c, r] += rows.bias[c, r] + rows.soft[c, r] * rows.impulse[c, r]
 
 
-@device
+@routine
 def solve_alone(rows, c):
-    """step <- what makes the residual 0 when nothing else changes."""
-    for r in range(rows.row.shape[1]):
+    """step <- -inverse residual."""
+    for r in range(rows.step.shape[1]):
         step = 0.0
-        for s in range(rows.row.shape[1]):
+        for s in range(rows.step.shape[1]):
             step -= rows.inverse[c, r, s] * rows.residual[c, s]
         rows.step[c, r] = step
 
 
-@device
-def take_step(rows, c, bodies):
+@routine
+def take_step(rows, c, motion):
     """Add the step; the squares of it and of the impulses, by K's diagonal."""
     changed, size = 0.0, 0.0
-    for r in range(rows.row.shape[1]):
+    for r in range(rows.step.shape[1]):
         step = rows.step[c, r]
         rows.impulse[c, r] += step
         changed += rows.weight[c, r, r] * step * step
         size += rows.weight[c, r, r] * rows.impulse[c, r] * rows.impulse[c, r]
-    push(rows, c, bodies, rows.step)
+    push(rows, c, motion)
     return changed, size
 
 

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pbd.jit import device
-from pbd.rigid.joint_rows import invert
+from pbd.rigid.joint_rows import invert, solve_alone
+from pbd.routine import routine
 
 GROUND = -1
 """In the place of a parent that nothing moves."""
@@ -103,67 +103,51 @@ def _branches(root: int, joints_at: dict[int, list[int]], ends: np.ndarray, seen
     return found
 
 
-@device
-def gradient(rows, c, r, side, k, d):
-    """J of row r for velocity k of the joint's first (0) or second (1) body."""
-    if k < d:
-        return rows.row[c, r, k] if side == 1 else -rows.row[c, r, k]
-    return rows.row[c, r, 2 * d - 3 + k] if side == 1 else -rows.row[c, r, k]
-
-
-@device
-def factorise(forest, rows, bodies):
+@routine
+def factorise(forest, rows, motion):
     """S^-1 (into ``rows.inverse``), lever and gain of all joints, at the present pose and softness."""
-    d = len(bodies.x)
     for k in range(forest.body.shape[0]):
-        set_answer(forest.answer, k, bodies.motion, forest.body[k], d)
+        set_answer(forest.answer, k, motion, forest.body[k])
     for k in range(forest.order.shape[0]):
-        c, child, parent = forest.order[k], forest.side[k], forest.parent[k]
-        levered(forest.answer, k, rows, c, child, d, forest.lever, k)
+        c, child = forest.order[k], forest.side[k]
+        levered(forest.answer, k, rows.gradient, c, child, forest.lever, k)
+        along(rows.gradient, c, child, forest.lever, k, rows.inverse, c)
         for r in range(rows.soft.shape[1]):
-            for s in range(rows.soft.shape[1]):
-                rows.inverse[c, r, s] = along(rows, c, r, child, forest.lever, k, s, d)
             rows.inverse[c, r, r] += rows.soft[c, r]
-        if parent != GROUND:
-            hang(forest, rows, k, d)
+        if forest.parent[k] != GROUND:
+            hang(forest, rows, k)
         invert(rows.inverse, c)
 
 
-@device
-def hang(forest, rows, k, d):
+@routine
+def hang(forest, rows, k):
     """What hangs on the joint at place k, whose ``rows.inverse`` still holds S, becomes part of its parent's answer."""
-    c, side, parent, scratch, inner = (
-        forest.order[k],
-        1 - forest.side[k],
-        forest.parent[k],
-        forest.scratch,
-        forest.inner,
-    )
-    count, answer, gain = rows.soft.shape[1], forest.answer, forest.gain
-    levered(answer, parent, rows, c, side, d, scratch, 0)
+    c, parent, lever, inner, gain = forest.order[k], forest.parent[k], forest.scratch, forest.inner, forest.gain
+    count, size = inner.shape[1], lever.shape[1]
+    levered(forest.answer, parent, rows.gradient, c, 1 - forest.side[k], lever, 0)
+    along(rows.gradient, c, 1 - forest.side[k], lever, 0, inner, 0)
     for r in range(count):
         for s in range(count):
-            inner[0, r, s] = rows.inverse[c, r, s] + along(rows, c, r, side, scratch, 0, s, d)
+            inner[0, r, s] += rows.inverse[c, r, s]
     invert(inner, 0)
-    for n in range(3 * (d - 1)):
+    for n in range(size):
         for r in range(count):
             total = 0.0
             for s in range(count):
-                total += scratch[0, n, s] * inner[0, s, r]
+                total += lever[0, n, s] * inner[0, s, r]
             gain[k, n, r] = total
-    for n in range(3 * (d - 1)):
         for m in range(n + 1):
-            total = 0.0
+            total = forest.answer[parent, n, m]
             for r in range(count):
-                total += gain[k, n, r] * scratch[0, m, r]
-            answer[parent, n, m] -= total
-            answer[parent, m, n] = answer[parent, n, m]
+                total -= gain[k, n, r] * lever[0, m, r]
+            forest.answer[parent, n, m] = forest.answer[parent, m, n] = total
 
 
-@device
-def set_answer(answer, k, motion, i, d):
+@routine
+def set_answer(answer, k, motion, i):
     """B = M^-1 of body i."""
-    size = 3 * (d - 1)
+    size = answer.shape[1]
+    d = size // 3 + 1
     for n in range(size):
         for m in range(size):
             answer[k, n, m] = 0.0
@@ -176,68 +160,68 @@ def set_answer(answer, k, motion, i, d):
             column += 1
 
 
-@device
-def levered(answer, k, rows, c, side, d, out, place):
+@routine
+def levered(answer, k, gradient, c, side, out, place):
     """out <- B J^T."""
-    for n in range(3 * (d - 1)):
-        for r in range(rows.soft.shape[1]):
+    for n in range(out.shape[1]):
+        for r in range(out.shape[2]):
             total = 0.0
-            for m in range(3 * (d - 1)):
-                total += answer[k, n, m] * gradient(rows, c, r, side, m, d)
+            for m in range(out.shape[1]):
+                total += answer[k, n, m] * gradient[c, side, r, m]
             out[place, n, r] = total
 
 
-@device
-def along(rows, c, r, side, lever, place, s, d):
-    """Entry (r, s) of J times a lever."""
-    total = 0.0
-    for n in range(3 * (d - 1)):
-        total += gradient(rows, c, r, side, n, d) * lever[place, n, s]
-    return total
+@routine
+def along(gradient, c, side, lever, place, out, k):
+    """out <- J lever."""
+    for r in range(out.shape[1]):
+        for s in range(out.shape[2]):
+            total = 0.0
+            for n in range(lever.shape[1]):
+                total += gradient[c, side, r, n] * lever[place, n, s]
+            out[k, r, s] = total
 
 
-@device
-def seen_from(rows, c, r, side, change, k, d):
-    """J w."""
-    total = 0.0
-    for n in range(3 * (d - 1)):
-        total += gradient(rows, c, r, side, n, d) * change[k, n]
-    return total
-
-
-@device
-def solve_forest(forest, rows, d):
-    """``rows.step`` <- the impulses of all joints of the trees that make their ``rows.residual`` 0, to first order."""
-    change, residual = forest.change, rows.residual
+@routine
+def solve_forest(forest, rows):
+    """step <- the impulses of all joints of the trees that make their residuals 0, to first order."""
+    change, step = forest.change, rows.step
     for k in range(change.shape[0]):
         for n in range(change.shape[1]):
             change[k, n] = 0.0
     for k in range(forest.order.shape[0]):
-        c, child, parent = forest.order[k], forest.side[k], forest.parent[k]
-        for r in range(rows.soft.shape[1]):
-            residual[c, r] += seen_from(rows, c, r, child, change, k, d)
+        c, parent = forest.order[k], forest.parent[k]
+        observe(rows, c, forest.side[k], change, k)
         if parent != GROUND:
-            for r in range(rows.soft.shape[1]):
-                rows.step[c, r] = residual[c, r] + seen_from(rows, c, r, 1 - child, change, parent, d)
-            add_product(change, parent, forest.gain, k, rows.step, c, -1.0)
+            for r in range(step.shape[1]):
+                step[c, r] = rows.residual[c, r]
+            observe(rows, c, 1 - forest.side[k], change, parent)
+            for r in range(step.shape[1]):
+                step[c, r], rows.residual[c, r] = -rows.residual[c, r], step[c, r]
+            add_product(change, parent, forest.gain, k, step, c)
     for k in range(forest.order.shape[0] - 1, -1, -1):
-        c, child, parent = forest.order[k], forest.side[k], forest.parent[k]
+        c, parent = forest.order[k], forest.parent[k]
         if parent != GROUND:
-            for r in range(rows.soft.shape[1]):
-                residual[c, r] += seen_from(rows, c, r, 1 - child, change, parent, d)
-        for r in range(rows.soft.shape[1]):
-            step = 0.0
-            for s in range(rows.soft.shape[1]):
-                step -= rows.inverse[c, r, s] * residual[c, s]
-            rows.step[c, r] = step
-        add_product(change, k, forest.lever, k, rows.step, c, 1.0)
+            observe(rows, c, 1 - forest.side[k], change, parent)
+        solve_alone(rows, c)
+        add_product(change, k, forest.lever, k, step, c)
 
 
-@device
-def add_product(change, place, matrix, k, p, c, sign):
-    """w <- w + sign matrix p."""
+@routine
+def observe(rows, c, side, change, k):
+    """residual <- residual + J w."""
+    for r in range(rows.residual.shape[1]):
+        total = rows.residual[c, r]
+        for n in range(change.shape[1]):
+            total += rows.gradient[c, side, r, n] * change[k, n]
+        rows.residual[c, r] = total
+
+
+@routine
+def add_product(change, place, matrix, k, p, c):
+    """w <- w + matrix p."""
     for n in range(change.shape[1]):
-        total = 0.0
+        total = change[place, n]
         for r in range(p.shape[1]):
             total += matrix[k, n, r] * p[c, r]
-        change[place, n] += sign * total
+        change[place, n] = total

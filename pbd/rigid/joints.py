@@ -93,7 +93,7 @@ def mark_all(joints, state):
 def locate_all(joints, state):
     for c in range(joints.rows.pair.shape[0]):
         locate(joints.kind, c, joints.rows, state.bodies)
-        weigh(joints.rows, c, state.bodies)
+        weigh(joints.rows, c, len(state.bodies.x))
 
 
 @routine
@@ -105,7 +105,7 @@ def warm_start_all(joints, state, h):
             impulse = 0.5 * h * rows.force[c, r] if rows.alpha[c, r] == 0.0 else 0.0
             rows.step[c, r] = impulse - rows.impulse[c, r]
             rows.impulse[c, r] = impulse
-        push(rows, c, state.bodies, rows.step)
+        push(rows, c, state.bodies.motion)
 
 
 @routine
@@ -125,7 +125,7 @@ def foresee_all(joints, state, h, whole):
 def prepare(joints, state):
     """(K + soft)^-1 of what is swept, and the factors of what is not."""
     rows, loops = joints.rows, joints.forest.loops
-    factorise(joints.forest, rows, state.bodies)
+    factorise(joints.forest, rows, state.bodies.motion)
     for k in range(loops.shape[0]):
         c = loops[k]
         for r in range(rows.soft.shape[1]):
@@ -141,13 +141,13 @@ def project_all(joints, state, h):
     total, size = 0.0, 0.0
     for k in range(order.shape[0]):
         set_residual(joints, order[k], state.bodies, h)
-    solve_forest(joints.forest, rows, len(state.bodies.x))
+    solve_forest(joints.forest, rows)
     for k in range(rows.pair.shape[0]):
         c = order[k] if k < order.shape[0] else loops[k - order.shape[0]]
         if k >= order.shape[0]:
             set_residual(joints, c, state.bodies, h)
             solve_alone(rows, c)
-        changed, sized = take_step(rows, c, state.bodies)
+        changed, sized = take_step(rows, c, state.bodies.motion)
         total, size = total + changed, size + sized
     state.signals[CHANGE] += total
     state.signals[SIZE] += size
@@ -161,7 +161,7 @@ def set_residual(joints, c, bodies, h):
     if h > 0.0:
         change(joints.kind, c, rows, bodies, (swing(bodies, rows.pair[c, 0], h), swing(bodies, rows.pair[c, 1], h)), h)
     else:
-        speeds(rows, c, bodies)
+        speeds(rows, c, bodies.motion)
     complete(rows, c)
 
 
@@ -175,7 +175,7 @@ def extrapolate_all(joints, state, share):
             rows.impulse[c, r] += step
             rows.step[c, r] = step
         if share != 0.0:
-            push(rows, c, state.bodies, rows.step)
+            push(rows, c, state.bodies.motion)
 
 
 @routine
@@ -284,6 +284,6 @@ def _shared(bodies: Bodies, rows: np.ndarray, points: np.ndarray) -> SharedPoint
 
 
 def _joined(bodies: Bodies, kind: Any, rows: np.ndarray, alpha: np.ndarray) -> Joints:
-    d = len(bodies.x)
-    forest = plant(rows, bodies.motion[:, 3 * (d - 1)] == 0.0, alpha.shape[1], 3 * (d - 1))
-    return Joints(kind, new_joint_rows(rows, alpha, d), forest)
+    velocities = 3 * (len(bodies.x) - 1)
+    forest = plant(rows, bodies.motion[:, velocities] == 0.0, alpha.shape[1], velocities)
+    return Joints(kind, new_joint_rows(rows, alpha, velocities), forest)

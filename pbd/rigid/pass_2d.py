@@ -121,8 +121,8 @@ def push(hot, motion, a, b, t):
 def project_contact(hot, motion, mu):
     """One projection: solve the contact exactly for the present velocities of all else.
 
-    Most stick, or do not touch; only for the others the cases are gone through. Returns the squares of the change and of
-    the impulses in the norm of K: that of the change d is -d.w where the contact sticks, and of the same size elsewhere.
+    Most stick, or do not touch; only for the others the cases are gone through. Returns the squares of the change and
+    of the impulses in the norm of K: that of the change d is -d.w where the contact sticks, about that elsewhere.
     """
     ua, ub, ut = speeds(hot, motion)
     ua, ub, ut = ua + hot["wa"], ub + hot["wb"], ut + hot["wt"]

@@ -13,6 +13,9 @@ from pbd.rigid.inverse_3d import set_inverse
 from pbd.rigid.turning import to_world
 from pbd.vector import dot, scale, subtract
 
+SAME = 1e-4
+"""Weights that have changed by less than this share are the same for K^-1."""
+
 
 @device
 def refresh(rows, c, bodies, weights, column):
@@ -33,14 +36,18 @@ def refresh(rows, c, bodies, weights, column):
         bodies.x[1][j] - bodies.x[1][i],
         bodies.x[2][j] - bodies.x[2][i],
     )
+    changed = False
     for k in range(points):
         ri, rj = arms(rows, c, bodies, i, j, k, normal)
         rows.gap[c, k] = dot(normal, between) + dot(normal, rj) - dot(normal, ri)
         set_arms(row, c, at.ARMS + 12 * k, bodies, i, j, cross(ri, normal), cross(rj, normal))
-        row[c, at.INVERSE + k] = inverse_weight(row, c, bodies, i, j, at.ARMS + 12 * k)
+        changed |= set_weight(row, c, at.INVERSE + k, inverse_weight(row, c, bodies, i, j, at.ARMS + 12 * k))
+    for k in range(points, at.POINTS):
+        row[c, at.INVERSE + k] = 0.0
     middle_i, middle_j = middle(rows, c, bodies, normal, weights, column)
-    set_friction(rows, c, bodies, i, j, (normal, tangent, binormal), middle_i, middle_j)
-    set_inverse(rows, c, bodies, points)
+    changed |= set_friction(rows, c, bodies, i, j, (normal, tangent, binormal), middle_i, middle_j)
+    if changed:
+        set_inverse(rows, c, bodies, points)
 
 
 @device
@@ -63,13 +70,13 @@ def middle(rows, c, bodies, normal, weights, column):
 
 @device
 def set_friction(rows, c, bodies, i, j, basis, middle_i, middle_j):
-    """Rows of slip and twist at the contact's middle."""
+    """Rows of slip and twist at the contact's middle; whether their weights have changed."""
     row, points, binormals = rows.row, rows.pair[c, 2], at.SLIP + 12
     normal, tangent, binormal = basis
     set_arms(row, c, at.SLIP, bodies, i, j, cross(middle_i, tangent), cross(middle_j, tangent))
     set_arms(row, c, binormals, bodies, i, j, cross(middle_i, binormal), cross(middle_j, binormal))
-    row[c, at.INVERSE + 4] = inverse_weight(row, c, bodies, i, j, at.SLIP)
-    row[c, at.INVERSE + 5] = inverse_weight(row, c, bodies, i, j, binormals)
+    changed = set_weight(row, c, at.INVERSE + 4, inverse_weight(row, c, bodies, i, j, at.SLIP))
+    changed |= set_weight(row, c, at.INVERSE + 5, inverse_weight(row, c, bodies, i, j, binormals))
     coupling = 0.0
     for k in range(3):
         coupling += row[c, at.SLIP + k] * row[c, binormals + 6 + k]
@@ -79,12 +86,24 @@ def set_friction(rows, c, bodies, i, j, basis, middle_i, middle_j):
     weight = 0.0
     for k in range(3):
         weight += normal[k] * (row[c, at.TWIST + 6 + k] + row[c, at.TWIST + 9 + k])
-    row[c, at.INVERSE + 6] = 1.0 / weight if weight > 0.0 else 0.0
+    changed |= set_weight(row, c, at.INVERSE + 6, 1.0 / weight if weight > 0.0 else 0.0)
     for k in range(points):
         ri, _ = arms(rows, c, bodies, i, j, k, normal)
         away = subtract(ri, middle_i)
         high = dot(away, normal)
         row[c, at.DISTANCE + k] = math.sqrt(max(dot(away, away) - high * high, 0.0))
+    return changed
+
+
+@device
+def set_weight(row, c, column, value):
+    """Store an inverse weight; whether it has changed so much that K^-1 no longer serves.
+
+    An old K^-1 costs sweeps, not accuracy: the speeds it acts on are those of the present pose.
+    """
+    old = row[c, column]
+    row[c, column] = value
+    return abs(value - old) > SAME * old
 
 
 @device

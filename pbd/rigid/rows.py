@@ -16,6 +16,11 @@ def pair_of_row(rows, c):
 
 
 @stage(required=True)
+def force_of_row(rows, c):
+    """The force of contact c on body j, as of the last velocity pass [N]."""
+
+
+@stage(required=True)
 def keep_row(rows, c, k):
     """Put what contact c remembers into place k."""
 

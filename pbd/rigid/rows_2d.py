@@ -55,6 +55,11 @@ class Rows2(NamedTuple):
     def pair_of_row(self, c):
         return self.hot[c]["i"], self.hot[c]["j"], self.cold[c]["plane"]
 
+    def force_of_row(self, c):
+        hot, cold = self.hot[c], self.cold[c]
+        n, t = cold["force_a"] + cold["force_b"], cold["force_t"]
+        return n * hot["nx"] - t * hot["ny"], n * hot["ny"] + t * hot["nx"]
+
     def keep_row(self, c, k):
         kept, cold = self.kept[k], self.cold[c]
         kept["i"], kept["j"], kept["plane"] = self.hot[c]["i"], self.hot[c]["j"], cold["plane"]

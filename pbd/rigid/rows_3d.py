@@ -52,9 +52,20 @@ class Rows3(NamedTuple):
         for k in range(6):
             self.feature[c, k] = -1
         for r in range(ROWS):
+            self.row[c, at.INVERSE + r] = 0.0
+        for r in range(ROWS):
             self.force[c, r] = 0.0
         for r in range(3):
             self.drift[c, r] = 0.0
+
+    def force_of_row(self, c):
+        f, row = self.force, self.row
+        n = f[c, 0] + f[c, 1] + f[c, 2] + f[c, 3]
+        return (
+            n * row[c, 0] + f[c, 4] * row[c, 3] + f[c, 5] * row[c, 6],
+            n * row[c, 1] + f[c, 4] * row[c, 4] + f[c, 5] * row[c, 7],
+            n * row[c, 2] + f[c, 4] * row[c, 5] + f[c, 5] * row[c, 8],
+        )
 
     def keep_row(self, c, k):
         copy_row(self.kept_pair, k, self.pair, c)

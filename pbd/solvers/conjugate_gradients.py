@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from pbd.solvers.elastic_energy import multiply
 from pbd.solvers.incidence import spread
-from pbd.solvers.routine import routine, routine_sum
+from pbd.routine import routine, routine_sum
 from pbd.vector import Store
 
 MOST_PRODUCTS = 20_000

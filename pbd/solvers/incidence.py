@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pbd.solvers.routine import routine
+from pbd.routine import routine
 
 CHUNK = 256
 """Links at most in a chunk."""
