@@ -1,7 +1,8 @@
 """The vocabulary of rigid bodies: boxes and balls, and the half-spaces that they fall on.
 
-All are solid and of uniform density. In 2D a ball is a disc and turns about one axis; its orientation is an angle [rad],
-counter-clockwise. In 3D an orientation is a unit quaternion (w, x, y, z) that turns the body frame into the world's.
+All are solid and of uniform density. In 2D a ball is a disc and turns about one axis; its orientation is an angle
+[rad], counter-clockwise. In 3D an orientation is a unit quaternion (w, x, y, z) that turns the body frame into the
+world's.
 """
 
 from __future__ import annotations

@@ -60,8 +60,8 @@ class Panel(msgspec.Struct, frozen=True, kw_only=True):
 class Series(msgspec.Struct, frozen=True, kw_only=True):
     """Points of one engine and setting in one panel, or a closed form (``engine`` empty).
 
-    kind : "measured"; "front", the best of an engine; "points", all settings that were tried; "trade", settings of which
-        both axes are a cost; "lost", where an engine failed; "closed form"
+    kind : "measured"; "front", the best of an engine; "points", all settings that were tried; "trade", a setting, where
+        less is better on both axes; "lost", where an engine failed; "closed form"
     """
 
     panel: str

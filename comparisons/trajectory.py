@@ -22,8 +22,8 @@ class Trajectory:
     diverged : the quantity that stopped being finite, at step ``steps``; empty when all is finite
     orientations : of bodies: (s, n) angles [rad] in 2D, (s, n, 4) unit quaternions (w, x, y, z) in 3D
     spins : of bodies: (s, n) [rad/s] in 2D, (s, n, 3) in the world frame in 3D
-    contact_forces : (s,) magnitude of the sum of all planes' forces on the bodies [N], mean over the last step; where an
-        engine tells
+    contact_forces : (s,) magnitude of the sum of all planes' forces on the bodies [N], mean over the last step; where
+        an engine tells
     residue : largest departure from the plane of a planar scene in an engine of three dimensions [m]
     """
 

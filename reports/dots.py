@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from comparisons.study import Panel, Series, Study
-from reports.style import CHEAPER, RC, SHAPES, colour
+from reports.style import RC, marker
 
 NAMES, WIDTH, ROW = 2.6, 2.75, 0.31
 """Inches: what the rows' names take, the width of a panel, the height of a row."""
@@ -35,7 +35,7 @@ def figure(cells: Sequence[tuple[Study, Panel]], title: str) -> Figure:
         drawn = Figure(figsize=(width, height))
         axes = drawn.subplots(1, len(cells), sharey=True, squeeze=False)[0]
         drawn.subplots_adjust(
-            left=NAMES / width, right=1.0 - 0.15 / width, bottom=below / height, top=1.0 - ABOVE / height, wspace=0.06
+            left=NAMES / width, right=1.0 - 0.15 / width, bottom=below / height, top=1.0 - ABOVE / height, wspace=0.1
         )
         handles: dict[str, Any] = {}
         for ax, (_, panel), group in zip(axes, cells, groups, strict=True):
@@ -68,19 +68,5 @@ def _panel(ax: Axes, panel: Panel, group: Sequence[Series]) -> dict[str, Any]:
     found = {}
     for rank, series in enumerate(group):
         xs = [min(max(x, panel.lowest), MOST) for x in series.x]
-        (found[series.label],) = ax.plot(xs, series.y, zorder=20 - rank, **_look(series))
+        (found[series.label],) = ax.plot(xs, series.y, zorder=20 - rank, clip_on=False, **marker(series, SIZE))
     return found
-
-
-def _look(series: Series) -> dict[str, Any]:
-    """A shape and a colour for each engine; hollow at a preset that is not its best."""
-    shade = colour(series)
-    return {
-        "linestyle": "none",
-        "marker": SHAPES.get(series.engine, "X"),
-        "color": shade,
-        "markerfacecolor": "white" if series.preset in CHEAPER else shade,
-        "markersize": SIZE,
-        "markeredgewidth": 1.3,
-        "clip_on": False,
-    }

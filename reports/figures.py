@@ -19,8 +19,8 @@ from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatt
 
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
-from reports import dots
-from reports.style import RC, colour, looks
+from reports import animation, dots
+from reports.style import RC, colour, looks, marker
 
 FORMATS = ("png", "svg")
 DPI = 130
@@ -40,14 +40,19 @@ LEGEND = 2.4
 LETTERS = 26
 """Of the legend, that fit into a line of it."""
 
-LOST: dict[str, Any] = {"marker": "x", "linestyle": "none", "markersize": 9, "markeredgewidth": 2.2, "zorder": 5}
+LOST: dict[str, Any] = {"marker": "x", "markersize": 7, "markeredgewidth": 2.2, "zorder": 5}
+TRADE = 8.0
+"""Size of a marker that stands alone."""
 
 Cell = tuple[Study, str, str]
 """A study, the name of its panel, the heading."""
 
 
 def draw(study: Study, path: Path) -> None:
-    """All panels of one study into ``path``, whose ending is the format."""
+    """All panels of one study into ``path``, whose ending is the format; .gif is for its films."""
+    if path.suffix == ".gif":
+        animation.write(study.films, path)
+        return
     if path.suffix.lstrip(".") not in FORMATS:
         raise InvalidInput("path", str(path), "a file name that ends in " + " or ".join("." + f for f in FORMATS))
     cells = [(study, panel.name, panel.title) for panel in study.panels]
@@ -94,6 +99,7 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
             ax.remove()
         figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
         if not own_legends:
+            handles = dict(sorted(handles.items(), key=lambda item: item[1].get_linestyle() == "None"))
             place = (1.0 - LEGEND / figure.get_figwidth(), 1.0 - 0.5 / figure.get_figheight())
             labels = [textwrap.fill(label, LETTERS) for label in handles]
             figure.legend(handles.values(), labels, loc="upper left", bbox_to_anchor=place, frameon=False)
@@ -131,18 +137,22 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
     """Draw the series of one panel; returns label -> artist for the legend."""
     ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y, title=heading)
     handles: dict[str, Any] = {}
+    lost: dict[str, Any] = {}
     for series in group:
         if series.kind == "points":
             ax.plot(series.x, series.y, ".", color=colour(series), alpha=0.3, markersize=4, zorder=1)
         elif series.kind == "lost":
-            ax.plot(series.x, series.y, color=colour(series), **LOST)
-            handles[series.label] = Line2D([], [], color="#666666", **LOST)
+            ax.plot(series.x, series.y, color=colour(series), linestyle=":", markevery=[-1], **LOST)
+            shade = "#666666" if series.x[1:] else colour(series)
+            lost[series.label] = Line2D([], [], color=shade, linestyle="none", **LOST)
+        elif series.kind == "trade":
+            (handles[series.label],) = ax.plot(series.x, series.y, **marker(series, TRADE))
         elif series.x:
             (handles[series.label],) = ax.plot(series.x, series.y, color=colour(series), **styles[series.label])
     if any(series.kind in ("front", "trade") for series in group):
         arrow = {"arrowstyle": "->", "color": "#666666"}
         ax.annotate("better", (0.03, 0.03), (0.2, 0.14), xycoords="axes fraction", color="#666666", arrowprops=arrow)
-    return handles
+    return handles | lost
 
 
 def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:

@@ -12,7 +12,7 @@ import msgspec
 from jinja2 import Environment, PackageLoader
 
 from comparisons.study import Chapter, Omission, Study, duration, write_atomically
-from reports import figures
+from reports import animation, figures
 from reports.figures import Cell
 from reports.style import TITLES
 
@@ -21,9 +21,9 @@ COLUMNS = 2
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure of a chapter: file stem, what it shows, the drawing, its SVG as a data URI."""
+    """One figure of a chapter: its file, what it shows, the drawing as a data URI: SVG, or a GIF of films."""
 
-    stem: str
+    file: str
     caption: str
     uri: str
 
@@ -63,10 +63,9 @@ def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
     """One figure for each panel that the chapter's studies share; a single study is one figure, or none."""
     if len(chapter.studies) == 1:
         study = chapter.studies[0]
-        if not study.panels:
-            return []
         cells = [(study, panel.name, panel.title) for panel in study.panels]
-        return [_picture(cells, chapter.heading, "", directory)]
+        drawn = [_picture(cells, chapter.heading, "", directory)] if cells else []
+        return [*drawn, *([_animation(study, chapter.heading, directory)] if study.films else [])]
     titles = {panel.name: panel.title for study in chapter.studies for panel in study.panels}
     found = []
     for name, title in titles.items():
@@ -79,12 +78,22 @@ def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
 
 def _picture(cells: Sequence[Cell], heading: str, detail: str, directory: Path) -> Picture:
     caption = f"{heading}: {detail}" if detail else heading
-    stem = "-".join("".join(c if c.isalnum() else " " for c in caption.lower().replace("'", "")).split())
+    stem = _stem(caption)
     figure = figures.grid(cells, caption, min(COLUMNS, len(cells)))
     for ending in figures.FORMATS:
         figures.save(figure, directory / f"{stem}.{ending}")
     svg = (directory / f"{stem}.svg").read_bytes()
-    return Picture(stem, caption, "data:image/svg+xml;base64," + base64.b64encode(svg).decode())
+    return Picture(f"{stem}.png", caption, "data:image/svg+xml;base64," + base64.b64encode(svg).decode())
+
+
+def _animation(study: Study, heading: str, directory: Path) -> Picture:
+    path = directory / f"{_stem(heading)}.gif"
+    animation.write(study.films, path)
+    return Picture(path.name, study.title, "data:image/gif;base64," + base64.b64encode(path.read_bytes()).decode())
+
+
+def _stem(caption: str) -> str:
+    return "-".join("".join(c if c.isalnum() else " " for c in caption.lower().replace("'", "")).split())
 
 
 def _score(studies: Sequence[Study]) -> list[tuple[str, int]]:

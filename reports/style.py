@@ -86,3 +86,16 @@ def looks(group: list[Series]) -> dict[str, dict]:
         if series.kind == "closed form":
             found[series.label] = {"linestyle": "-", "linewidth": 7.0, "alpha": 0.35, "zorder": 1}
     return found
+
+
+def marker(series: Series, size: float) -> dict[str, Any]:
+    """Of a point among those of other engines: a shape and a colour for each, hollow at a cheaper preset."""
+    shade = colour(series)
+    return {
+        "linestyle": "none",
+        "marker": SHAPES.get(series.engine, "X"),
+        "color": shade,
+        "markerfacecolor": "white" if series.preset in CHEAPER else shade,
+        "markersize": size,
+        "markeredgewidth": 1.3,
+    }

@@ -8,6 +8,7 @@ line of what has not stood ends there.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +31,9 @@ DURATION, SAMPLES = 5.0, 20
 EDGE = 1.0
 STANDS = 0.1 * EDGE
 """Of drift [m]."""
+
+APART = 2.0
+"""Ratio of the heights at which the ends of two lines are drawn."""
 
 LOWEST = 1e-12
 METRICS = ("drift", "fallen")
@@ -135,7 +139,7 @@ def run(
     series = [one for line, stacks in found.items() if (one := _series(line, stacks)).x] + _falls(found)
     return Study(
         kind="stacking",
-        title=f"Stacks of boxes after {DURATION:g} s, the worst of {seeds} seeds",
+        title=f"Stacks of boxes after {DURATION:g} s, the worst of {_counted(seeds)}",
         subject="stacks",
         scene="stack",
         parameters={"duration": DURATION},
@@ -147,6 +151,10 @@ def run(
         sentences=_sentences(found),
         tables=[_table(found, seeds)],
     )
+
+
+def _counted(seeds: int) -> str:
+    return f"{seeds} seed{'s' * (seeds > 1)}"
 
 
 def _panel(rate: float) -> Panel:
@@ -169,21 +177,27 @@ def _series(line: Line, stacks: Sequence[Stack]) -> Series:
 
 
 def _falls(found: Mapping[Line, Sequence[Stack]]) -> list[Series]:
-    """Where a line ends because the next stack does not stand, at the drift that is too much."""
-    ends = [(line, stacks[-1]) for line, stacks in found.items() if not stacks[-1].stands]
-    return [
-        Series(
-            panel=_panel(line.rate).name,
-            label="falls, or drifts 0.1 m",
-            engine=line.contender.engine,
-            preset=line.contender.presets[0],
-            x=[float(stack.count)],
-            y=[STANDS],
-            kind="lost",
+    """Where a line ends because the next stack does not stand; those that end together above each other."""
+    series: list[Series] = []
+    places: Counter[tuple[float, int]] = Counter()
+    for line, stacks in found.items():
+        end = stacks[-1]
+        if end.stands or end.records[0].status.code == "unsupported":
+            continue
+        places[line.rate, end.count] += 1
+        stood = _series(line, stacks)
+        series.append(
+            Series(
+                panel=stood.panel,
+                label=f"falls, or drifts {STANDS:g} m" if stood.x else f"{stood.label}: none stands",
+                engine=stood.engine,
+                preset=stood.preset,
+                x=[*stood.x[-1:], float(end.count)],
+                y=[*stood.y[-1:], STANDS * APART ** places[line.rate, end.count]],
+                kind="lost",
+            )
         )
-        for line, stack in ends
-        if stack.records[0].status.code != "unsupported"
-    ]
+    return series
 
 
 # ------------------------------------------------------------------ in words
@@ -201,7 +215,7 @@ def _table(found: Mapping[Line, Sequence[Stack]], seeds: int) -> Table:
     for one in dict.fromkeys(line.contender for line in found):
         mine = {line.rate: stacks for line, stacks in found.items() if line.contender is one}
         rows.append([one.label, *(_words(line_stacks) for line_stacks in mine.values())])
-    title = f"Boxes of the highest stack that stands {DURATION:g} s from each of {seeds} seeds, and its drift"
+    title = f"Boxes of the highest stack that stands {DURATION:g} s, and its drift, worst of {_counted(seeds)}"
     title += f"; ≥: no higher one was tried; {_rigid.PENALTY}"
     return Table(title=title, columns=["engine", *(f"{rate:g} Hz" for rate in rates)], rows=rows)
 

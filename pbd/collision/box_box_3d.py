@@ -35,8 +35,8 @@ def box_box(a, b, margin, hint, points):
         along the normal, negative where they overlap; and a number that stays while the same features touch, a vertex
         of a (0 to 7) or of b (8 to 15), or an edge of each (16 to 159)
 
-    Boxes that overlap have points, whose least gap is minus the shortest way out. Of boxes that are apart no point's gap
-    is less than the distance; where a vertex is nearest to a vertex or an edge there may be none until they touch.
+    Boxes that overlap have points, whose least gap is minus the shortest way out. Of boxes apart, no point's gap is
+    less than the distance; where a vertex is nearest to a vertex or an edge there may be none until they touch.
     """
     if hint >= 0 and is_separating(a, b, hint, margin):
         return 0, NOWHERE, hint

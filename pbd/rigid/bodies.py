@@ -122,8 +122,8 @@ class Bodies(NamedTuple):
     def new_recording(self, samples: int) -> BodyRecording:
         """An empty recording (called by Python, not by kernels)."""
         shape, d = (samples, len(self.radius) - 1), len(self.x)
-        stores = (zeros(shape, count) for count in (d, d, len(self.turn), AXES[d]))
-        return BodyRecording(*stores, zeros((samples, 1), d))
+        x, v, turn, spin = (zeros(shape, count) for count in (d, d, len(self.turn), AXES[d]))
+        return BodyRecording(x, v, turn, spin, zeros((samples, 1), d))
 
     def from_recording(self, recording: BodyRecording, samples: int) -> BodyMotion:
         """The first so many samples (called by Python, not by kernels)."""

@@ -9,7 +9,6 @@ import numpy as np
 from pbd.arrays import broadcast, real_array
 from pbd.errors import InvalidInput
 from pbd.rigid.bodies import Bodies
-from pbd.vector import Store, from_store, to_store
 
 MOST_COMPLIANCE = 1e9
 """[m/N]"""
@@ -58,12 +57,7 @@ def checked_compliance(values: Any, count: int, rows: int) -> np.ndarray:
     return np.repeat(alpha[:, None], rows, axis=1)
 
 
-def arms_of(bodies: Bodies, which: np.ndarray, points: np.ndarray) -> Store:
-    """Points (m, d) of the world as arms in the frames of bodies ``which`` (m,)."""
-    return in_frames(bodies, which, points - from_store(bodies.x)[which])
-
-
-def in_frames(bodies: Bodies, which: np.ndarray, vectors: np.ndarray) -> Store:
+def in_frames(bodies: Bodies, which: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (m, d) of the world in the frames of bodies ``which`` (m,)."""
     frames = bodies.frame[which]
     if len(bodies.x) == 2:
@@ -71,4 +65,4 @@ def in_frames(bodies: Bodies, which: np.ndarray, vectors: np.ndarray) -> Store:
         rotations = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
     else:
         rotations = frames.reshape(-1, 3, 3)
-    return to_store(np.einsum("mij,mi->mj", rotations, vectors))
+    return np.einsum("mij,mi->mj", rotations, vectors)

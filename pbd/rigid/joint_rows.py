@@ -28,57 +28,41 @@ RESOLVED = 16.0
 """z = h^2 / (m alpha) at which half of a spring is treated as rigid: it turns by 4 rad of its phase in a sub-step."""
 
 
+NUMBERS = 10
+ALPHA, ERROR, MOBILITY, SOFT, BIAS, IMPULSE, STEP, DIRECTION, RESIDUAL, FORCE = range(NUMBERS)
+"""Places in `JointRows.number`: compliance [m/N]; C at the present pose; mean of K's diagonal over the rows that are
+lengths [1/kg], 0 before the first step; softness and bias of the pass; its impulses, those of the last sweep, and the
+conjugate direction [N s]; rate + bias + soft p; the force of the last velocity pass [N]."""
+
+GRADIENT, ANSWER = range(2)
+"""Places in `JointRows.lever`: J and M^-1 J^T."""
+
+WEIGHT, INVERSE, JOINED = range(3)
+"""Places in `JointRows.square`: K; (K + soft)^-1 of the pass, in a tree with K as what hangs on the joint makes it; and
+scratch. Few arrays of many dimensions compile faster than many."""
+
+
 class JointRows(NamedTuple):
     """m joints of R rows each, between bodies of N = 3 or 6 velocities: of motion and spin.
 
     pair (m, 2) : bodies i and j; the ground is the last
-    gradient, answer (m, 2, R, N) : J and M^-1 J^T, of both bodies
-    alpha (m, R) : compliance [m/N]; 0 is rigid
-    error (m, R) : C at the present pose
-    weight (m, R, R) : K [1/kg]
-    inverse (m, R, R) : (K + soft)^-1 of the present pass, in a tree with K as all that hangs on the joint makes it
-    mobility (m,) : mean of K's diagonal over the rows that are lengths [1/kg]
-    soft, bias (m, R) : of the present pass
-    impulse, step, direction (m, R) : of the present pass, the last sweep, and the conjugate direction [N s]
-    residual (m, R) : rate + bias + soft p
-    force (m, R) : of the last velocity pass [N]
-    located (1,) : whether the rows are at the present pose
+    number (NUMBERS, m, R) : what there is one of in each row
+    lever (2, m, 2, R, N) : of both bodies
+    square (3, m, R, R)
     """
 
     pair: np.ndarray
-    gradient: np.ndarray
-    answer: np.ndarray
-    alpha: np.ndarray
-    error: np.ndarray
-    weight: np.ndarray
-    inverse: np.ndarray
-    mobility: np.ndarray
-    soft: np.ndarray
-    bias: np.ndarray
-    impulse: np.ndarray
-    step: np.ndarray
-    direction: np.ndarray
-    residual: np.ndarray
-    force: np.ndarray
-    located: np.ndarray
+    number: np.ndarray
+    lever: np.ndarray
+    square: np.ndarray
 
 
 def new_joint_rows(pairs: np.ndarray, alpha: np.ndarray, velocities: int) -> JointRows:
     """Memory for joints of ``pairs`` (m, 2) with the compliances ``alpha`` (m, R)."""
     m, count = alpha.shape
-    sides, square = (m, 2, count, velocities), (m, count, count)
-    names = "error", "soft", "bias", "impulse", "step", "direction", "residual", "force"
-    return JointRows(
-        pair=pairs,
-        gradient=np.zeros(sides),
-        answer=np.zeros(sides),
-        alpha=alpha,
-        weight=np.zeros(square),
-        inverse=np.zeros(square),
-        mobility=np.zeros(m),
-        located=np.zeros(1, dtype=np.int64),
-        **{name: np.zeros((m, count)) for name in names},
-    )
+    number = np.zeros((NUMBERS, m, count))
+    number[ALPHA] = alpha
+    return JointRows(pairs, number, np.zeros((2, m, 2, count, velocities)), np.zeros((3, m, count, count)))
 
 
 # ------------------------------------------------------------------ rows and K at a pose
@@ -111,46 +95,48 @@ def _spun(motion: Any, i: Any, m: Any) -> Any:
 @routine
 def set_row(rows, c, r, side, motion, n, m):
     """Row r of joint c, of its first (side 0) or second body: direction n and moment m, negative for the first."""
-    i, d = rows.pair[c, side], len(n)
+    i, d, lever = rows.pair[c, side], len(n), rows.lever
     turn, sign = spun(motion, i, m), 2.0 * side - 1.0
     for k in range(d):
-        rows.gradient[c, side, r, k] = sign * n[k]
-        rows.answer[c, side, r, k] = sign * motion[i, 3 * (d - 1)] * n[k]
+        lever[GRADIENT, c, side, r, k] = sign * n[k]
+        lever[ANSWER, c, side, r, k] = sign * motion[i, 3 * (d - 1)] * n[k]
     for k in range(len(m)):
-        rows.gradient[c, side, r, d + k] = sign * m[k]
-        rows.answer[c, side, r, d + k] = sign * turn[k]
+        lever[GRADIENT, c, side, r, d + k] = sign * m[k]
+        lever[ANSWER, c, side, r, d + k] = sign * turn[k]
 
 
 @routine
 def weigh(rows, c, lengths):
     """K = J M^-1 J^T; the first so many rows are lengths."""
-    trace, count = 0.0, rows.weight.shape[1]
+    trace, lever, count = 0.0, rows.lever, rows.square.shape[2]
     for r in range(count):
         for s in range(r + 1):
             total = 0.0
-            for k in range(rows.gradient.shape[3]):
-                total += rows.gradient[c, 0, r, k] * rows.answer[c, 0, s, k]
-                total += rows.gradient[c, 1, r, k] * rows.answer[c, 1, s, k]
-            rows.weight[c, r, s] = rows.weight[c, s, r] = total
+            for side in range(2):
+                for k in range(lever.shape[4]):
+                    total += lever[GRADIENT, c, side, r, k] * lever[ANSWER, c, side, s, k]
+            rows.square[WEIGHT, c, r, s] = rows.square[WEIGHT, c, s, r] = total
         if r < lengths:
-            trace += rows.weight[c, r, r]
-    rows.mobility[c] = trace / min(lengths, count)
+            trace += rows.square[WEIGHT, c, r, r]
+    for r in range(count):
+        rows.number[MOBILITY, c, r] = trace / min(lengths, count)
 
 
 @routine
-def invert(a, c):
-    """Matrix a_c <- its inverse, by Gauss and Jordan; it is symmetric and positive, and so needs no pivots."""
-    for k in range(a.shape[1]):
-        pivot = 1.0 / a[c, k, k]
-        a[c, k, k] = 1.0
-        for s in range(a.shape[1]):
-            a[c, k, s] *= pivot
-        for r in range(a.shape[1]):
-            if r != k:
-                factor = a[c, r, k]
-                a[c, r, k] = 0.0
-                for s in range(a.shape[1]):
-                    a[c, r, s] -= factor * a[c, k, s]
+def invert(square, k, c):
+    """One matrix <- its inverse, by Gauss and Jordan; it is symmetric and positive, and so needs no pivots."""
+    count = square.shape[2]
+    for p in range(count):
+        pivot = 1.0 / square[k, c, p, p]
+        square[k, c, p, p] = 1.0
+        for s in range(count):
+            square[k, c, p, s] *= pivot
+        for r in range(count):
+            if r != p:
+                factor = square[k, c, r, p]
+                square[k, c, r, p] = 0.0
+                for s in range(count):
+                    square[k, c, r, s] -= factor * square[k, c, p, s]
 
 
 # ------------------------------------------------------------------ velocities
@@ -158,53 +144,52 @@ def invert(a, c):
 
 @routine
 def speeds(rows, c, motion):
-    """residual <- J v."""
-    i, j = rows.pair[c, 0], rows.pair[c, 1]
-    for r in range(rows.step.shape[1]):
-        total = 0.0
-        for k in range(rows.gradient.shape[3]):
-            total += rows.gradient[c, 0, r, k] * motion[i, k] + rows.gradient[c, 1, r, k] * motion[j, k]
-        rows.residual[c, r] = total
+    """RESIDUAL <- J v."""
+    lever, number = rows.lever, rows.number
+    for r in range(number.shape[2]):
+        number[RESIDUAL, c, r] = 0.0
+        for side in range(2):
+            i = rows.pair[c, side]
+            for k in range(lever.shape[4]):
+                number[RESIDUAL, c, r] += lever[GRADIENT, c, side, r, k] * motion[i, k]
 
 
 @routine
 def push(rows, c, motion):
-    """v <- v + M^-1 J^T step."""
+    """v <- v + M^-1 J^T STEP."""
+    lever, number = rows.lever, rows.number
     for side in range(2):
         i = rows.pair[c, side]
-        for k in range(rows.answer.shape[3]):
-            total = 0.0
-            for r in range(rows.step.shape[1]):
-                total += rows.answer[c, side, r, k] * rows.step[c, r]
-            motion[i, k] += total
+        for r in range(number.shape[2]):
+            for k in range(lever.shape[4]):
+                motion[i, k] += lever[ANSWER, c, side, r, k] * number[STEP, c, r]
 
 
 @routine
-def complete(rows, c):
-    """residual <- rate + bias + soft p."""
-    for r in range(rows.step.shape[1]):
-        rows.residual[c, r] += rows.bias[c, r] + rows.soft[c, r] * rows.impulse[c, r]
+def complete(number, c):
+    """RESIDUAL, from the rate."""
+    for r in range(number.shape[2]):
+        number[RESIDUAL, c, r] += number[BIAS, c, r] + number[SOFT, c, r] * number[IMPULSE, c, r]
 
 
 @routine
-def solve_alone(rows, c):
-    """step <- -inverse residual."""
-    for r in range(rows.step.shape[1]):
+def solve_alone(number, square, c):
+    """STEP <- -INVERSE RESIDUAL."""
+    for r in range(number.shape[2]):
         step = 0.0
-        for s in range(rows.step.shape[1]):
-            step -= rows.inverse[c, r, s] * rows.residual[c, s]
-        rows.step[c, r] = step
+        for s in range(number.shape[2]):
+            step -= square[INVERSE, c, r, s] * number[RESIDUAL, c, s]
+        number[STEP, c, r] = step
 
 
 @routine
 def take_step(rows, c, motion):
     """Add the step; the squares of it and of the impulses, by K's diagonal."""
-    changed, size = 0.0, 0.0
-    for r in range(rows.step.shape[1]):
-        step = rows.step[c, r]
-        rows.impulse[c, r] += step
-        changed += rows.weight[c, r, r] * step * step
-        size += rows.weight[c, r, r] * rows.impulse[c, r] * rows.impulse[c, r]
+    changed, size, number = 0.0, 0.0, rows.number
+    for r in range(number.shape[2]):
+        number[IMPULSE, c, r] += number[STEP, c, r]
+        changed += rows.square[WEIGHT, c, r, r] * number[STEP, c, r] ** 2
+        size += rows.square[WEIGHT, c, r, r] * number[IMPULSE, c, r] ** 2
     push(rows, c, motion)
     return changed, size
 
@@ -213,16 +198,14 @@ def take_step(rows, c, motion):
 
 
 @device
-def softness(rows, c, r, h):
+def softness(number, c, r, h):
     """D = w (RESOLVED/z)^2, z = h^2 w/alpha, w the mobility: 0 for a rigid row, large where a spring is resolved."""
-    if rows.alpha[c, r] == 0.0:
-        return 0.0
-    scaled = RESOLVED * rows.alpha[c, r] / (h * h)
-    return scaled * scaled / rows.mobility[c]
+    scaled = RESOLVED * number[ALPHA, c, r] / (h * h)
+    return scaled * scaled / number[MOBILITY, c, r]
 
 
 @device
-def springiness(rows, c, r, h):
+def springiness(number, c, r, h):
     """s = D/(w + D): from 0 for a rigid row to 1."""
-    soft = softness(rows, c, r, h)
-    return soft / (rows.mobility[c] + soft)
+    soft = softness(number, c, r, h)
+    return soft / (number[MOBILITY, c, r] + soft)

@@ -1,7 +1,7 @@
 """Trees of joints, solved at once: however many bodies hang together, and however unequal their masses.
 
-Sought are impulses p with J M^-1 J^T p + soft p = -residual. From the leaves inwards, each joint between a body b and its
-parent a, seen from a, is a measurement of how a moves:
+Sought are impulses p with J M^-1 J^T p + soft p = -residual. From the leaves inwards, each joint between a body b and
+its parent a, seen from a, is a measurement of how a moves:
 
     S = J_b B_b J_b^T + soft,    r = residual + J_b w_b,
     W = B_a J_a^T (S + J_a B_a J_a^T)^-1,    w_a <- w_a - W (r + J_a w_a),    B_a <- B_a - W J_a B_a,
@@ -21,37 +21,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pbd.rigid.joint_rows import invert, solve_alone
+from pbd.rigid.joint_rows import GRADIENT, INVERSE, JOINED, RESIDUAL, SOFT, STEP, invert, solve_alone
 from pbd.routine import routine
 
 GROUND = -1
 """In the place of a parent that nothing moves."""
 
 
+JOINT, SIDE, PARENT = range(3)
+"""Columns of `Forest.branch`: the joint; 0 or 1, which of its bodies is the child; place of the other, or GROUND."""
+
+LEVER, GAIN, SCRATCH = range(3)
+"""Places in `Forest.arm`: B_b J_b^T, W, and what becomes of them."""
+
+
 class Forest(NamedTuple):
     """t joints from the leaves inwards. A body's place is that of the joint to its parent; roots stand behind.
 
-    order (t,) : the joints
-    side (t,) : 0 or 1, which of its bodies is the child
-    parent (t,) : place of the other, or GROUND
+    branch (t, 3)
     body (places,) : the body of each place
     loops : the joints that close one
     answer (places, N, N), change (places, N) : B and w; N = 3 or 6 velocities, of motion and spin
-    lever, gain (t, N, R) : B_b J_b^T and W
-    scratch (1, N, R), inner (1, R, R) : of one joint
+    arm (3, t, N, R)
     """
 
-    order: np.ndarray
-    side: np.ndarray
-    parent: np.ndarray
+    branch: np.ndarray
     body: np.ndarray
     loops: np.ndarray
     answer: np.ndarray
     change: np.ndarray
-    lever: np.ndarray
-    gain: np.ndarray
-    scratch: np.ndarray
-    inner: np.ndarray
+    arm: np.ndarray
 
 
 def plant(pairs: np.ndarray, fixed: np.ndarray, rows: int, velocities: int) -> Forest:
@@ -66,26 +65,20 @@ def plant(pairs: np.ndarray, fixed: np.ndarray, rows: int, velocities: int) -> F
     for root in sorted(joints_at):  # the ground first
         if root not in seen:
             seen.add(root)
-            roots.append(root)
+            roots += [root] if root != GROUND else []
             found += _branches(root, joints_at, ends, seen)
     found.reverse()
-    place = {child: k for k, (_, child, _) in enumerate(found)}
-    free = [root for root in roots if root != GROUND]
-    place |= {GROUND: GROUND, **{root: len(found) + k for k, root in enumerate(free)}}
-    order = np.array([c for c, _, _ in found], dtype=np.int64)
-    t, places = len(found), len(found) + len(free)
+    t, places = len(found), len(found) + len(roots)
+    place = {child: k for k, (_, child, _) in enumerate(found)} | {root: t + k for k, root in enumerate(roots)}
+    place[GROUND] = GROUND
+    branch = [(c, int(ends[c, 1] == child), place[parent]) for c, child, parent in found]
     return Forest(
-        order=order,
-        side=np.array([int(ends[c, 1] == child) for c, child, _ in found], dtype=np.int64),
-        parent=np.array([place[parent] for _, _, parent in found], dtype=np.int64),
-        body=np.array([child for _, child, _ in found] + free, dtype=np.int64),
-        loops=np.setdiff1d(np.arange(len(pairs)), order),
+        branch=np.array(branch, dtype=np.int64).reshape(t, 3),
+        body=np.array([child for _, child, _ in found] + roots, dtype=np.int64),
+        loops=np.setdiff1d(np.arange(len(pairs)), [c for c, _, _ in found]).astype(np.int64),
         answer=np.zeros((places, velocities, velocities)),
         change=np.zeros((places, velocities)),
-        lever=np.zeros((t, velocities, rows)),
-        gain=np.zeros((t, velocities, rows)),
-        scratch=np.zeros((1, velocities, rows)),
-        inner=np.zeros((1, rows, rows)),
+        arm=np.zeros((3, t, velocities, rows)),
     )
 
 
@@ -105,41 +98,41 @@ def _branches(root: int, joints_at: dict[int, list[int]], ends: np.ndarray, seen
 
 @routine
 def factorise(forest, rows, motion):
-    """S^-1 (into ``rows.inverse``), lever and gain of all joints, at the present pose and softness."""
+    """INVERSE, LEVER and GAIN of all joints, at the present pose and softness."""
     for k in range(forest.body.shape[0]):
         set_answer(forest.answer, k, motion, forest.body[k])
-    for k in range(forest.order.shape[0]):
-        c, child = forest.order[k], forest.side[k]
-        levered(forest.answer, k, rows.gradient, c, child, forest.lever, k)
-        along(rows.gradient, c, child, forest.lever, k, rows.inverse, c)
-        for r in range(rows.soft.shape[1]):
-            rows.inverse[c, r, r] += rows.soft[c, r]
-        if forest.parent[k] != GROUND:
+    for k in range(forest.branch.shape[0]):
+        c, child = forest.branch[k, JOINT], forest.branch[k, SIDE]
+        levered(forest.answer, k, rows.lever, c, child, forest.arm, LEVER, k)
+        along(rows.lever, c, child, forest.arm, LEVER, k, rows.square, INVERSE)
+        for r in range(rows.number.shape[2]):
+            rows.square[INVERSE, c, r, r] += rows.number[SOFT, c, r]
+        if forest.branch[k, PARENT] != GROUND:
             hang(forest, rows, k)
-        invert(rows.inverse, c)
+        invert(rows.square, INVERSE, c)
 
 
 @routine
 def hang(forest, rows, k):
-    """What hangs on the joint at place k, whose ``rows.inverse`` still holds S, becomes part of its parent's answer."""
-    c, parent, lever, inner, gain = forest.order[k], forest.parent[k], forest.scratch, forest.inner, forest.gain
-    count, size = inner.shape[1], lever.shape[1]
-    levered(forest.answer, parent, rows.gradient, c, 1 - forest.side[k], lever, 0)
-    along(rows.gradient, c, 1 - forest.side[k], lever, 0, inner, 0)
-    for r in range(count):
-        for s in range(count):
-            inner[0, r, s] += rows.inverse[c, r, s]
-    invert(inner, 0)
-    for n in range(size):
-        for r in range(count):
+    """What hangs on the joint at place k, of which INVERSE still holds S, becomes part of its parent's answer."""
+    c, parent, arm, square = forest.branch[k, JOINT], forest.branch[k, PARENT], forest.arm, rows.square
+    side = 1 - forest.branch[k, SIDE]
+    levered(forest.answer, parent, rows.lever, c, side, arm, SCRATCH, k)
+    along(rows.lever, c, side, arm, SCRATCH, k, square, JOINED)
+    for r in range(square.shape[2]):
+        for s in range(square.shape[2]):
+            square[JOINED, c, r, s] += square[INVERSE, c, r, s]
+    invert(square, JOINED, c)
+    for n in range(arm.shape[2]):
+        for r in range(arm.shape[3]):
             total = 0.0
-            for s in range(count):
-                total += lever[0, n, s] * inner[0, s, r]
-            gain[k, n, r] = total
+            for s in range(arm.shape[3]):
+                total += arm[SCRATCH, k, n, s] * square[JOINED, c, s, r]
+            arm[GAIN, k, n, r] = total
         for m in range(n + 1):
             total = forest.answer[parent, n, m]
-            for r in range(count):
-                total -= gain[k, n, r] * lever[0, m, r]
+            for r in range(arm.shape[3]):
+                total -= arm[GAIN, k, n, r] * arm[SCRATCH, k, m, r]
             forest.answer[parent, n, m] = forest.answer[parent, m, n] = total
 
 
@@ -150,9 +143,7 @@ def set_answer(answer, k, motion, i):
     d = size // 3 + 1
     for n in range(size):
         for m in range(size):
-            answer[k, n, m] = 0.0
-    for n in range(d):
-        answer[k, n, n] = motion[i, size]
+            answer[k, n, m] = motion[i, size] if n == m and n < d else 0.0
     column = size + 1
     for n in range(d, size):
         for m in range(n, size):
@@ -161,67 +152,65 @@ def set_answer(answer, k, motion, i):
 
 
 @routine
-def levered(answer, k, gradient, c, side, out, place):
-    """out <- B J^T."""
-    for n in range(out.shape[1]):
-        for r in range(out.shape[2]):
+def levered(answer, place, lever, c, side, arm, which, k):
+    """An arm <- B J^T."""
+    for n in range(arm.shape[2]):
+        for r in range(arm.shape[3]):
             total = 0.0
-            for m in range(out.shape[1]):
-                total += answer[k, n, m] * gradient[c, side, r, m]
-            out[place, n, r] = total
+            for m in range(arm.shape[2]):
+                total += answer[place, n, m] * lever[GRADIENT, c, side, r, m]
+            arm[which, k, n, r] = total
 
 
 @routine
-def along(gradient, c, side, lever, place, out, k):
-    """out <- J lever."""
-    for r in range(out.shape[1]):
-        for s in range(out.shape[2]):
+def along(lever, c, side, arm, which, k, square, where):
+    """A matrix of joint c <- J times an arm."""
+    for r in range(square.shape[2]):
+        for s in range(square.shape[2]):
             total = 0.0
-            for n in range(lever.shape[1]):
-                total += gradient[c, side, r, n] * lever[place, n, s]
-            out[k, r, s] = total
+            for n in range(arm.shape[2]):
+                total += lever[GRADIENT, c, side, r, n] * arm[which, k, n, s]
+            square[where, c, r, s] = total
 
 
 @routine
 def solve_forest(forest, rows):
-    """step <- the impulses of all joints of the trees that make their residuals 0, to first order."""
-    change, step = forest.change, rows.step
+    """STEP <- the impulses of all joints of the trees that make their residuals 0, to first order."""
+    change, number, branch = forest.change, rows.number, forest.branch
     for k in range(change.shape[0]):
         for n in range(change.shape[1]):
             change[k, n] = 0.0
-    for k in range(forest.order.shape[0]):
-        c, parent = forest.order[k], forest.parent[k]
-        observe(rows, c, forest.side[k], change, k)
+    for k in range(branch.shape[0]):
+        c, child, parent = branch[k, JOINT], branch[k, SIDE], branch[k, PARENT]
+        observe(number, RESIDUAL, c, rows.lever, child, change, k)
         if parent != GROUND:
-            for r in range(step.shape[1]):
-                step[c, r] = rows.residual[c, r]
-            observe(rows, c, 1 - forest.side[k], change, parent)
-            for r in range(step.shape[1]):
-                step[c, r], rows.residual[c, r] = -rows.residual[c, r], step[c, r]
-            add_product(change, parent, forest.gain, k, step, c)
-    for k in range(forest.order.shape[0] - 1, -1, -1):
-        c, parent = forest.order[k], forest.parent[k]
+            for r in range(number.shape[2]):
+                number[STEP, c, r] = number[RESIDUAL, c, r]
+            observe(number, STEP, c, rows.lever, 1 - child, change, parent)
+            add_product(change, parent, -1.0, forest.arm, GAIN, k, number, c)
+    for k in range(branch.shape[0] - 1, -1, -1):
+        c, child, parent = branch[k, JOINT], branch[k, SIDE], branch[k, PARENT]
         if parent != GROUND:
-            observe(rows, c, 1 - forest.side[k], change, parent)
-        solve_alone(rows, c)
-        add_product(change, k, forest.lever, k, step, c)
+            observe(number, RESIDUAL, c, rows.lever, 1 - child, change, parent)
+        solve_alone(number, rows.square, c)
+        add_product(change, k, 1.0, forest.arm, LEVER, k, number, c)
 
 
 @routine
-def observe(rows, c, side, change, k):
-    """residual <- residual + J w."""
-    for r in range(rows.residual.shape[1]):
-        total = rows.residual[c, r]
+def observe(number, where, c, lever, side, change, k):
+    """RESIDUAL or STEP <- itself + J w."""
+    for r in range(number.shape[2]):
+        total = number[where, c, r]
         for n in range(change.shape[1]):
-            total += rows.gradient[c, side, r, n] * change[k, n]
-        rows.residual[c, r] = total
+            total += lever[GRADIENT, c, side, r, n] * change[k, n]
+        number[where, c, r] = total
 
 
 @routine
-def add_product(change, place, matrix, k, p, c):
-    """w <- w + matrix p."""
+def add_product(change, place, sign, arm, which, k, number, c):
+    """w <- w + sign times an arm times STEP."""
     for n in range(change.shape[1]):
-        total = change[place, n]
-        for r in range(p.shape[1]):
-            total += matrix[k, n, r] * p[c, r]
-        change[place, n] = total
+        total = 0.0
+        for r in range(number.shape[2]):
+            total += arm[which, k, n, r] * number[STEP, c, r]
+        change[place, n] += sign * total

@@ -7,15 +7,15 @@ With C the error of a joint, a sub-step of RATTLE (`pbd.integrators.rattle`) giv
 
     D = w (c/z)^2,  z = h^2 w/alpha,  s = D/(w + D),  theta = 1 - s/2,  w the mean of J M^-1 J^T, c = `RESOLVED`.
 
-A rigid joint has D = s = 0: C = 0 at the end, then J v = 0. A spring that the sub-step resolves has s near 1, theta = 1/2
-and p' = p: the trapezoidal rule, of second order. One that it does not resolve is damped, and tends to a rigid joint.
-For linear motion its energy changes by -(theta - 1/2)/alpha |dC|^2 - |J v|^2/D and less, never upwards, whatever is
-coupled to what; and at rest a load F is held at C = -alpha F for every sub-step. Deviation from XPBD (Macklin et al.
-2016; Mueller et al. 2020): that is of first order, and damps also what is resolved.
+A rigid joint has D = s = 0: C = 0 at the end, then J v = 0. A spring that the sub-step resolves has s near 1,
+theta = 1/2 and p' = p: the trapezoidal rule, of second order. One that it does not resolve is damped, and tends to a
+rigid joint. For linear motion its energy changes by -(theta - 1/2)/alpha |dC|^2 - |J v|^2/D and less, never upwards,
+whatever is coupled to what; and at rest a load F is held at C = -alpha F for every sub-step. Deviation from XPBD
+(Macklin et al. 2016; Mueller et al. 2020): that is of first order, and damps also what is resolved.
 
 Joints that form trees are solved at once (`pbd.rigid.joint_tree`), not one by one. Limit: impulses act along the
-gradients of their pose, so that the swinging of a body across a force F, of angular frequency sqrt(F r/I) at an arm r, or
-sqrt(F/(m L)) at a distance L, must be resolved: h times it < 2.
+gradients of their pose, so that the swinging of a body across a force F, of angular frequency sqrt(F r/I) at an arm r,
+or sqrt(F/(m L)) at a distance L, must be resolved: h times it < 2.
 """
 
 from __future__ import annotations
@@ -27,9 +27,20 @@ import numpy as np
 from pbd.arrays import broadcast
 from pbd.errors import InvalidInput
 from pbd.rigid.bodies import Bodies
-from pbd.rigid.joint_input import arms_of, checked_compliance, checked_pairs, checked_points, in_frames
+from pbd.rigid.joint_input import checked_compliance, checked_pairs, checked_points, in_frames
 from pbd.rigid.joint_kinds import Hinge, Length, SharedPoint, change, locate
 from pbd.rigid.joint_rows import (
+    ALPHA,
+    BIAS,
+    DIRECTION,
+    ERROR,
+    FORCE,
+    IMPULSE,
+    INVERSE,
+    MOBILITY,
+    SOFT,
+    STEP,
+    WEIGHT,
     JointRows,
     complete,
     invert,
@@ -42,10 +53,11 @@ from pbd.rigid.joint_rows import (
     take_step,
     weigh,
 )
-from pbd.rigid.joint_tree import Forest, factorise, plant, solve_forest
+from pbd.rigid.joint_tree import JOINT, Forest, factorise, plant, solve_forest
 from pbd.rigid.swing import swing
 from pbd.routine import routine
 from pbd.state import CHANGE, SIZE
+from pbd.vector import from_store
 
 
 class Joints(NamedTuple):
@@ -80,76 +92,68 @@ class Joints(NamedTuple):
 @routine
 def mark_all(joints, state):
     """No impulse yet; after the first sub-step the rows are at the present pose."""
-    rows = joints.rows
-    if rows.located[0] == 0:
-        locate_all(joints, state)
-        rows.located[0] = 1
-    for c in range(rows.force.shape[0]):
-        for r in range(rows.force.shape[1]):
-            rows.impulse[c, r] = 0.0
-
-
-@routine
-def locate_all(joints, state):
-    for c in range(joints.rows.pair.shape[0]):
-        locate(joints.kind, c, joints.rows, state.bodies)
-        weigh(joints.rows, c, len(state.bodies.x))
+    number = joints.rows.number
+    for c in range(number.shape[1]):
+        if number[MOBILITY, c, 0] == 0.0:
+            locate(joints.kind, c, joints.rows, state.bodies)
+            weigh(joints.rows, c, len(state.bodies.x))
+        for r in range(number.shape[2]):
+            number[IMPULSE, c, r] = 0.0
 
 
 @routine
 def warm_start_all(joints, state, h):
     """Rigid joints start from their last force; springs from none, or what a loop is not swept out of would grow."""
-    rows = joints.rows
-    for c in range(rows.force.shape[0]):
-        for r in range(rows.force.shape[1]):
-            impulse = 0.5 * h * rows.force[c, r] if rows.alpha[c, r] == 0.0 else 0.0
-            rows.step[c, r] = impulse - rows.impulse[c, r]
-            rows.impulse[c, r] = impulse
-        push(rows, c, state.bodies.motion)
+    number = joints.rows.number
+    for c in range(number.shape[1]):
+        for r in range(number.shape[2]):
+            impulse = 0.5 * h * number[FORCE, c, r] if number[ALPHA, c, r] == 0.0 else 0.0
+            number[STEP, c, r] = impulse - number[IMPULSE, c, r]
+            number[IMPULSE, c, r] = impulse
+        push(joints.rows, c, state.bodies.motion)
 
 
 @routine
 def foresee_all(joints, state, h, whole):
     """The law of the position pass over theta h; in a part of a sub-step a rigid error is undone at the rate of all."""
-    rows = joints.rows
-    for c in range(rows.force.shape[0]):
-        for r in range(rows.force.shape[1]):
-            s = springiness(rows, c, r, h)
+    number = joints.rows.number
+    for c in range(number.shape[1]):
+        for r in range(number.shape[2]):
+            s = springiness(number, c, r, h)
             factor = (s + (1.0 - s) * h / whole) / (h * (1.0 - 0.5 * s))
-            rows.bias[c, r] = factor * rows.error[c, r]
-            rows.soft[c, r] = factor * 2.0 * rows.alpha[c, r] / h
-    prepare(joints, state)
+            number[BIAS, c, r] = factor * number[ERROR, c, r]
+            number[SOFT, c, r] = factor * 2.0 * number[ALPHA, c, r] / h
+    prepare(joints.forest, joints.rows, state.bodies.motion)
 
 
 @routine
-def prepare(joints, state):
+def prepare(forest, rows, motion):
     """(K + soft)^-1 of what is swept, and the factors of what is not."""
-    rows, loops = joints.rows, joints.forest.loops
-    factorise(joints.forest, rows, state.bodies.motion)
-    for k in range(loops.shape[0]):
-        c = loops[k]
-        for r in range(rows.soft.shape[1]):
-            for s in range(rows.soft.shape[1]):
-                rows.inverse[c, r, s] = rows.weight[c, r, s]
-            rows.inverse[c, r, r] += rows.soft[c, r]
-        invert(rows.inverse, c)
+    factorise(forest, rows, motion)
+    for k in range(forest.loops.shape[0]):
+        c = forest.loops[k]
+        for r in range(rows.square.shape[2]):
+            for s in range(rows.square.shape[2]):
+                rows.square[INVERSE, c, r, s] = rows.square[WEIGHT, c, r, s]
+            rows.square[INVERSE, c, r, r] += rows.number[SOFT, c, r]
+        invert(rows.square, INVERSE, c)
 
 
 @routine
 def project_all(joints, state, h):
-    rows, order, loops = joints.rows, joints.forest.order, joints.forest.loops
-    total, size = 0.0, 0.0
-    for k in range(order.shape[0]):
-        set_residual(joints, order[k], state.bodies, h)
+    rows, branch, loops, motion = joints.rows, joints.forest.branch, joints.forest.loops, state.bodies.motion
+    change, size = 0.0, 0.0
+    for k in range(branch.shape[0]):
+        set_residual(joints, branch[k, JOINT], state.bodies, h)
     solve_forest(joints.forest, rows)
-    for k in range(rows.pair.shape[0]):
-        c = order[k] if k < order.shape[0] else loops[k - order.shape[0]]
-        if k >= order.shape[0]:
+    for k in range(branch.shape[0] + loops.shape[0]):
+        c = branch[k, JOINT] if k < branch.shape[0] else loops[k - branch.shape[0]]
+        if k >= branch.shape[0]:
             set_residual(joints, c, state.bodies, h)
-            solve_alone(rows, c)
-        changed, sized = take_step(rows, c, state.bodies.motion)
-        total, size = total + changed, size + sized
-    state.signals[CHANGE] += total
+            solve_alone(rows.number, rows.square, c)
+        changed, sized = take_step(rows, c, motion)
+        change, size = change + changed, size + sized
+    state.signals[CHANGE] += change
     state.signals[SIZE] += size
     state.work[0] += rows.pair.shape[0]
 
@@ -159,44 +163,46 @@ def set_residual(joints, c, bodies, h):
     """Of joint c in the pass at hand; h is 0 for velocities."""
     rows = joints.rows
     if h > 0.0:
-        change(joints.kind, c, rows, bodies, (swing(bodies, rows.pair[c, 0], h), swing(bodies, rows.pair[c, 1], h)), h)
+        turns = swing(bodies, rows.pair[c, 0], h), swing(bodies, rows.pair[c, 1], h)
+        change(joints.kind, c, rows, bodies, turns, h)
     else:
         speeds(rows, c, bodies.motion)
-    complete(rows, c)
+    complete(rows.number, c)
 
 
 @routine
 def extrapolate_all(joints, state, share):
-    rows = joints.rows
-    for c in range(rows.force.shape[0]):
-        for r in range(rows.force.shape[1]):
-            step = share * rows.direction[c, r]
-            rows.direction[c, r] = step + rows.step[c, r]
-            rows.impulse[c, r] += step
-            rows.step[c, r] = step
+    number = joints.rows.number
+    for c in range(number.shape[1]):
+        for r in range(number.shape[2]):
+            step = share * number[DIRECTION, c, r]
+            number[DIRECTION, c, r] = step + number[STEP, c, r]
+            number[IMPULSE, c, r] += step
+            number[STEP, c, r] = step
         if share != 0.0:
-            push(rows, c, state.bodies.motion)
+            push(joints.rows, c, state.bodies.motion)
 
 
 @routine
 def turn_over_all(joints, state, h):
-    rows = joints.rows
-    locate_all(joints, state)
-    for c in range(rows.force.shape[0]):
-        for r in range(rows.force.shape[1]):
-            rows.soft[c, r] = softness(rows, c, r, h)
-            rows.bias[c, r] = -rows.soft[c, r] * rows.impulse[c, r]
-            rows.impulse[c, r] = 0.0
-    prepare(joints, state)
+    rows, number = joints.rows, joints.rows.number
+    for c in range(number.shape[1]):
+        locate(joints.kind, c, rows, state.bodies)
+        weigh(rows, c, len(state.bodies.x))
+        for r in range(number.shape[2]):
+            number[SOFT, c, r] = softness(number, c, r, h)
+            number[BIAS, c, r] = -number[SOFT, c, r] * number[IMPULSE, c, r]
+            number[IMPULSE, c, r] = 0.0
+    prepare(joints.forest, rows, state.bodies.motion)
 
 
 @routine
 def settle_all(joints, state, h, steady):
-    rows = joints.rows
+    number = joints.rows.number
     if steady:
-        for c in range(rows.force.shape[0]):
-            for r in range(rows.force.shape[1]):
-                rows.force[c, r] = 2.0 / h * rows.impulse[c, r]
+        for c in range(number.shape[1]):
+            for r in range(number.shape[2]):
+                number[FORCE, c, r] = 2.0 / h * number[IMPULSE, c, r]
 
 
 # ------------------------------------------------------------------ what a user calls
@@ -218,7 +224,7 @@ def ball_joint(bodies: Bodies, pairs: Any, anchors: Any, compliance: Any = 0.0) 
     rows, d = checked_pairs(bodies, pairs), len(bodies.x)
     points = checked_points("anchors", anchors, len(rows), d)
     alpha = checked_compliance(compliance, len(rows), d)
-    return _joined(bodies, _shared(bodies, rows, points), rows, alpha)
+    return _joined(bodies, SharedPoint(_arms(bodies, rows, points, points)), rows, alpha)
 
 
 def hinge(bodies: Bodies, pairs: Any, anchors: Any, axes: Any, compliance: Any = 0.0) -> Joints:
@@ -247,8 +253,8 @@ def hinge(bodies: Bodies, pairs: Any, anchors: Any, axes: Any, compliance: Any =
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     alpha = np.hstack([checked_compliance(compliance, m, 3), np.zeros((m, 2))])
     sides = (0, axis), (1, first), (1, np.cross(axis, first))
-    directions = (in_frames(bodies, rows[:, side], vectors) for side, vectors in sides)
-    return _joined(bodies, Hinge(_shared(bodies, rows, points), *directions), rows, alpha)
+    directions = [in_frames(bodies, rows[:, side], vectors) for side, vectors in sides]
+    return _joined(bodies, Hinge(np.hstack([_arms(bodies, rows, points, points), *directions])), rows, alpha)
 
 
 def distance_joint(
@@ -275,12 +281,14 @@ def distance_joint(
     for field, values in (("the distance of anchors_a and anchors_b", now), ("lengths", wanted)):
         if m and not values.min() > 0.0:
             raise InvalidInput(field, float(values.min()), "> 0 m", "use ball_joint")
-    ends = arms_of(bodies, rows[:, 0], a), arms_of(bodies, rows[:, 1], b)
-    return _joined(bodies, Length(*ends, wanted), rows, checked_compliance(compliance, m, 1))
+    local = np.hstack([_arms(bodies, rows, a, b), wanted[:, None]])
+    return _joined(bodies, Length(local), rows, checked_compliance(compliance, m, 1))
 
 
-def _shared(bodies: Bodies, rows: np.ndarray, points: np.ndarray) -> SharedPoint:
-    return SharedPoint(arms_of(bodies, rows[:, 0], points), arms_of(bodies, rows[:, 1], points))
+def _arms(bodies: Bodies, rows: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(m, 2 d) points of the first and second bodies in their frames."""
+    x = from_store(bodies.x)
+    return np.hstack([in_frames(bodies, rows[:, k], points - x[rows[:, k]]) for k, points in enumerate((a, b))])
 
 
 def _joined(bodies: Bodies, kind: Any, rows: np.ndarray, alpha: np.ndarray) -> Joints:

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from pbd.routine import routine, routine_sum
 from pbd.solvers.elastic_energy import multiply
 from pbd.solvers.incidence import spread
-from pbd.routine import routine, routine_sum
 from pbd.vector import Store
 
 MOST_PRODUCTS = 20_000

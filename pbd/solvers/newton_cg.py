@@ -20,9 +20,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from pbd.routine import routine
 from pbd.solvers.conjugate_gradients import ConjugateGradients, combine, precondition, product, solve_linear
 from pbd.solvers.elastic_energy import Springs, inertia, linearise, make_convex, value
-from pbd.routine import routine
 from pbd.vector import Store, copy
 
 MOST_STEPS = 100

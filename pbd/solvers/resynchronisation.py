@@ -17,8 +17,8 @@ from typing import Any
 
 from pbd.intrinsics import typed
 from pbd.projection import project, scatter
-from pbd.solvers.elastic_energy import inertia, linearise
 from pbd.routine import routine
+from pbd.solvers.elastic_energy import inertia, linearise
 from pbd.stages import evaluate, size
 from pbd.vector import copy
 

@@ -88,7 +88,7 @@ def test_every_pair_and_preset_runs_or_says_why_not(scene, name, preset, kind, p
         assert {"energy_drift", "energy_rise"} & set(record.metrics)
         other = "link_violation" if judged.bodies is None else "penetration"
         error = "position_error" if has_reference(judged) else other
-        assert record.metric(error) < NEAR, "a pair that runs comes near the motion of its scene, or keeps its constraints"
+        assert record.metric(error) < NEAR, "a pair that runs comes near its scene's motion, or keeps its constraints"
     else:
         assert record.status.quantity
         assert record.status.remedy
