@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from comparisons import body_chapters
 from comparisons.isolation import Workers
 from comparisons.studies import (
     calibration,
@@ -46,7 +47,7 @@ SOLVER_SWEEPS = (1, 10, 100, 1000)
 
 
 def run(*, quiet: bool = False) -> list[Chapter]:
-    """Work-precision and convergence of rigid and compliant chains, what solvers do and cost, and calibration."""
+    """Work-precision and convergence of chains, what solvers do and cost, rigid bodies, and calibration."""
     with Workers() as workers:
         return _chapters({"workers": workers, "quiet": quiet})
 
@@ -185,5 +186,14 @@ def _implicit_euler(how: dict[str, Any]) -> Chapter:
     )
 
 
-OTHERS = (_stiffness, _small_steps, _solvers, _implicit_euler, _throughput, _scaling, _calibration)
+OTHERS = (
+    _stiffness,
+    _small_steps,
+    _solvers,
+    _implicit_euler,
+    _throughput,
+    _scaling,
+    *body_chapters.CHAPTERS,
+    _calibration,
+)
 """The chapters after those on chains."""

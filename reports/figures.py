@@ -73,7 +73,7 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
     Panels with the same axis labels share their ranges. One legend stands on the right, unless each panel
     is about one engine's settings: then each has its own. Panels with named rows stand beside each other.
     """
-    if all(_panel_of(cell).rows for cell in cells):
+    if cells and all(_panel_of(cell).rows for cell in cells):
         return dots.figure([(cell[0], _panel_of(cell)) for cell in cells], title)
     rows = math.ceil(len(cells) / columns)
     own_legends = all(study.kind == "settings" for study, _, _ in cells)
@@ -86,7 +86,7 @@ def grid(cells: Sequence[Cell], title: str, columns: int) -> Figure:
             if own_legends:
                 styles = looks(group)
             artists = _panel(ax, _panel_of(cell), group, styles, cell[2])
-            handles.update(artists)
+            handles |= {label: artist for label, artist in artists.items() if label not in handles}
             if own_legends and artists:
                 corner = (-0.05, -0.2)
                 ax.legend(

@@ -10,7 +10,7 @@ from typing import Any
 from comparisons import catalog, engine
 from comparisons.gather import Ladder
 from comparisons.record import Record, RunSpec
-from comparisons.run import bind
+from comparisons.run import bind, build_scene
 from comparisons.study import Omission
 from pbd.errors import InvalidInput
 
@@ -99,10 +99,20 @@ def positive(**numbers: Sequence[float]) -> None:
             raise InvalidInput(name, list(values), "at least one number, all > 0")
 
 
+def counted(number: int, what: str) -> str:
+    """For titles."""
+    return f"{number} {what}" + "s" * (number > 1)
+
+
 def others_left_out() -> list[Omission]:
-    """The engines that move no rigid bodies."""
-    reason, remedy = "moves point masses only", "see the chapters on chains"
-    return [Omission(name, reason, remedy) for name in catalog.names("engines") if name not in ENGINES]
+    """The engines that move no rigid bodies, in their adapters' words."""
+    body, remedy = build_scene("drop", {}), "choose another engine or scene"
+    found = []
+    for name in catalog.names("engines"):
+        if name not in ENGINES:
+            reason = engine.load(name).unsupported(body, engine.make_settings(name, "default", {}))
+            found.append(Omission(name, reason or "has no place in this study yet", remedy))
+    return found
 
 
 def capped(specs: Sequence[RunSpec], cap: float) -> Ladder:
@@ -124,6 +134,8 @@ def capped(specs: Sequence[RunSpec], cap: float) -> Ladder:
 
 def phases_of(spec: RunSpec, count: int) -> list[RunSpec]:
     """The run with its events shifted against the grid of steps by k / count of a step."""
+    if count == 1:
+        return [spec]
     dt = spec.settings["dt"]
     leads = [spec.parameters.get("lead", 0.0) + k * dt / count for k in range(count)]
     return [

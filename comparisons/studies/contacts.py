@@ -198,9 +198,10 @@ def _study(cells: list[Cell], contenders: list[Contender], phases: int, omission
     rows = list(dict.fromkeys(cell.row for q in QUESTIONS for cell in cells if cell.question is q))
     shown = {cell.row: cell.row if cell.counts else f"{cell.row} †" for cell in cells}
     standings = [Standing(c.row, c.contender.label, c.contender.engine, c.rate, c.error, c.counts) for c in cells]
+    worst = f"worst of {_rigid.counted(phases, 'phase')} of the step grid"
     return Study(
         kind="contacts",
-        title=f"Errors against closed forms, worst of {phases} phases of the step grid († exact by construction)",
+        title=f"Errors against closed forms, {worst} († exact by construction)",
         subject="contacts",
         scene="",
         parameters={"phases": phases},
@@ -253,7 +254,8 @@ def _table(rate: float, rows: list[str], cells: list[Cell], contenders: list[Con
         best = min((cell.error for cell in some if math.isfinite(cell.error)), default=math.nan)
         marks = [_text(here.get((row, one.label)), best) for one in contenders]
         body.append([row if some[0].counts else f"{row} (exact by construction, no win)", *marks])
-    title = f"Errors at {_named(rate)}, the worst of {phases} phases where there are events; ★ least; {_rigid.PENALTY}"
+    title = f"Errors at {_named(rate)}, the worst of {_rigid.counted(phases, 'phase')} where there are events"
+    title += f"; ★ least; {_rigid.PENALTY}"
     return Table(title=title, columns=["scene, error", *(one.label for one in contenders)], rows=body)
 
 

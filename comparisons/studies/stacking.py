@@ -139,7 +139,7 @@ def run(
     series = [one for line, stacks in found.items() if (one := _series(line, stacks)).x] + _falls(found)
     return Study(
         kind="stacking",
-        title=f"Stacks of boxes after {DURATION:g} s, the worst of {_counted(seeds)}",
+        title=f"Stacks of boxes after {DURATION:g} s, the worst of {_rigid.counted(seeds, 'seed')}",
         subject="stacks",
         scene="stack",
         parameters={"duration": DURATION},
@@ -151,10 +151,6 @@ def run(
         sentences=_sentences(found),
         tables=[_table(found, seeds)],
     )
-
-
-def _counted(seeds: int) -> str:
-    return f"{seeds} seed{'s' * (seeds > 1)}"
 
 
 def _panel(rate: float) -> Panel:
@@ -215,8 +211,8 @@ def _table(found: Mapping[Line, Sequence[Stack]], seeds: int) -> Table:
     for one in dict.fromkeys(line.contender for line in found):
         mine = {line.rate: stacks for line, stacks in found.items() if line.contender is one}
         rows.append([one.label, *(_words(line_stacks) for line_stacks in mine.values())])
-    title = f"Boxes of the highest stack that stands {DURATION:g} s, and its drift, worst of {_counted(seeds)}"
-    title += f"; ≥: no higher one was tried; {_rigid.PENALTY}"
+    title = f"Boxes of the highest stack that stands {DURATION:g} s, and its drift"
+    title += f", worst of {_rigid.counted(seeds, 'seed')}; ≥: no higher one was tried; {_rigid.PENALTY}"
     return Table(title=title, columns=["engine", *(f"{rate:g} Hz" for rate in rates)], rows=rows)
 
 

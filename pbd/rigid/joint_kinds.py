@@ -4,8 +4,8 @@
     length         C = |(x_j + r_j) - (x_i + r_i)| - L        1 row
     hinge          as a shared point, and a_i . b_j = 0 for an axis a of i and two directions b of j across it
 
-A shared point is pulled at the middle of what it has become, so that forces on both bodies are opposite and in one
-line: momentum and angular momentum stay, however far a spring or an unfinished solve leaves it open.
+A rigid point that an unfinished solve has left open is pulled together at its middle, so that angular momentum stays.
+That of a compliant one, which is pulled at both ends, stays as far as a sub-step resolves it, (1 - s) from round-off.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pbd.collision.frames import cross
 from pbd.dispatch import stage
 from pbd.intrinsics import typed
 from pbd.jit import device
-from pbd.rigid.joint_rows import ERROR, RESIDUAL, moment, set_row
+from pbd.rigid.joint_rows import ALPHA, ERROR, RESIDUAL, moment, set_row
 from pbd.rigid.swing import arm, swung
 from pbd.vector import Store, Vector, add, dot, load, scale, subtract
 
@@ -98,13 +98,14 @@ class Hinge(NamedTuple):
 @device
 def locate_point(local, c, rows, bodies):
     ri, rj = arms(local, c, rows, bodies)
-    half = scale(0.5, between(c, rows, bodies, ri, rj))
-    ri, rj = add(ri, half), subtract(rj, half)
-    for k in range(len(half)):
-        n = unit(half, k)
+    gap = between(c, rows, bodies, ri, rj)
+    if rows.number[ALPHA, c, 0] == 0.0:
+        ri, rj = add(ri, scale(0.5, gap)), subtract(rj, scale(0.5, gap))
+    for k in range(len(gap)):
+        n = unit(gap, k)
         set_row(rows, c, k, 0, bodies.motion, n, moment(ri, n))
         set_row(rows, c, k, 1, bodies.motion, n, moment(rj, n))
-        rows.number[ERROR, c, k] = 2.0 * half[k]
+        rows.number[ERROR, c, k] = gap[k]
 
 
 @device
