@@ -218,6 +218,18 @@ def test_energy_of_a_pendulum_stays_for_a_hundred_seconds(make):
     assert np.ptp(energy(bodies, run(bodies, [joint], 1 / 480, 10.0, 1200).bodies)) <= 0.3 * np.ptp(kept)
 
 
+@pytest.mark.parametrize(("share", "stable"), [(0.95, True), (1.05, False)])
+def test_a_swing_across_the_force_must_be_resolved(share, stable):
+    """The limit that the module states: the step is a leapfrog of angular frequency sqrt(m g r/I), stable below 2."""
+    arm, moment = np.linalg.norm(PIVOT), BOX.inertia(1.0, 2)[0] + PIVOT @ PIVOT
+    down = -np.pi / 2 - np.arctan2(-PIVOT[1], -PIVOT[0])
+    bodies, joint = plane_pendulum(angle=down + 1e-6, spin=0.0)
+    dt = share * 2.0 / np.sqrt(G * arm / moment)
+    swing = np.abs(run(bodies, [joint], dt, 20 * dt, 20).bodies.orientations[:, 0] - down)
+    assert bool(swing.max() <= 1e-5) is stable
+    assert swing.max() <= np.pi
+
+
 @pytest.mark.parametrize("make", [plane_pendulum, space_pendulum, hinged])
 def test_a_rigid_joint_runs_backwards_as_forwards(make):
     bodies, joint = make()
@@ -652,6 +664,25 @@ def test_two_balls_are_a_hinge():
     wanted, found = (everything(run(bodies, [made], 1 / 480)) for made in (joint, balls))
     for a, b in zip(found, wanted, strict=True):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("compliance", [1e-2, 1e-4, 1e-6, 0.0])
+def test_a_braced_ring_gains_no_energy(compliance):
+    """Eight balls, each joined to four others: half of the springs close loops, and are swept ten times."""
+    rng, around = np.random.default_rng(1), 2 * np.pi * np.arange(8) / 8
+    x, first = 1.3 * np.stack([np.cos(around), np.sin(around)], axis=1), np.arange(8)
+    bodies = pbd.bodies([pbd.Ball(0.05)] * 8, x, velocities=0.1 * rng.normal(size=(8, 2)))
+    pairs = np.concatenate([np.stack([first, (first + step) % 8], axis=1) for step in (1, 2)])
+    springs = pbd.distance_joint(bodies, pairs, x[pairs[:, 0]], x[pairs[:, 1]], compliance=compliance)
+    assert len(springs.forest.loops) == 9
+    motion = run(bodies, [springs], 1 / 60, 10.0, 600, pbd.ConjugateSweeps(10), 10, gravity=(0.0, 0.0)).bodies
+    between = motion.positions[:, pairs[:, 0]] - motion.positions[:, pairs[:, 1]]
+    stretch = np.linalg.norm(between, axis=2) - np.linalg.norm(between[0], axis=1)
+    kept = kinetic(bodies, motion)
+    kept += 0.5 * (stretch**2).sum(axis=1) / compliance if compliance else 0.0
+    assert kept.max() <= kept[0] * (1.0 + 1e-3)
+    assert np.abs(stretch).max() <= (1.0 if compliance > 1e-3 else 0.02)
+    assert np.abs(momenta(bodies, motion) - momenta(bodies, motion)[0]).max() <= 1e-12
 
 
 # ------------------------------------------------------------------ with contacts
