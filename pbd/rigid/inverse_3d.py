@@ -13,7 +13,7 @@ from pbd.jit import device
 from pbd.rigid import block_3d as at
 
 REGULAR = 1e-4
-"""Over the normals' diagonal. With 1e-9 the rounding errors of how load is shared move a stack of 20 by a millimetre."""
+"""Over the normals' diagonal. With 1e-9 errors of rounding in how load is shared move a stack of 20 by a millimetre."""
 
 ROWS = 7
 

@@ -71,7 +71,7 @@ class Length(NamedTuple):
 
 
 class Hinge(NamedTuple):
-    """``local`` (m, 15) : as of a shared point; an axis in the frame of i; two across it and each other in that of j."""
+    """``local`` (m, 15) : as of a shared point; an axis in the frame of i; two across it and each other in j's."""
 
     local: np.ndarray
 

@@ -500,7 +500,7 @@ def test_the_discrete_answer_of_a_spring(dt):
     starts=st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5),
 )
 def test_energy_of_linear_springs_never_grows(masses, stiffness, dt, starts):
-    """Any masses, compliances and steps, over six decades each, in one iteration: springs of length 0 between centres."""
+    """Any masses, compliances and steps, over six decades each, in one iteration: springs of no length, at centres."""
     mass, alpha, dt = 10.0 ** np.array(masses), 10.0 ** np.array(stiffness), 10.0**dt
     bodies = pbd.bodies([pbd.Ball(0.1)] * 5, np.zeros((5, 2)), masses=mass, velocities=np.array([starts] * 2).T)
     springs = pbd.ball_joint(bodies, [(k - 1, k) for k in range(5)], np.zeros((5, 2)), alpha)
@@ -607,7 +607,7 @@ def test_free_bodies_keep_their_energy(kind, d):
 @pytest.mark.parametrize("compliance", [0.0, 1e-3])
 @pytest.mark.parametrize(("kind", "d"), KINDS)
 def test_a_tree_is_solved_as_its_whole_matrix_is(kind, d, compliance):
-    """The velocity pass of one step against J M^-1 J^T, from bodies that fly apart, and one of a thousandth the mass."""
+    """The velocity pass of a step against J M^-1 J^T, from bodies that fly apart, and one of a thousandth the mass."""
     bodies = free_bodies(np.random.default_rng(5), 5, d)
     bodies.motion[3, 3 * (d - 1) :] *= 1000.0
     made = joined(bodies, [*TREE, (0, -1)], kind, compliance)
