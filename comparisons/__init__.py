@@ -12,12 +12,17 @@ if TYPE_CHECKING:
     from comparisons.record import Record as Record
     from comparisons.record import RunSpec as RunSpec
     from comparisons.run import execute as execute
+    from comparisons.studies.box_stiffness import run as box_stiffness
     from comparisons.studies.calibration import run as calibration
+    from comparisons.studies.contacts import run as contacts
     from comparisons.studies.convergence import run as convergence
+    from comparisons.studies.falling import run as falling
     from comparisons.studies.implicit_euler import run as implicit_euler
+    from comparisons.studies.piles import run as piles
     from comparisons.studies.scaling import run as scaling
     from comparisons.studies.small_steps import run as small_steps
     from comparisons.studies.solvers import run as solvers
+    from comparisons.studies.stacking import run as stacking
     from comparisons.studies.stiffness import run as stiffness
     from comparisons.studies.throughput import run as throughput
     from comparisons.studies.work_precision import run as work_precision
@@ -28,6 +33,11 @@ _HOME = {
     "RunSpec": ("record", "RunSpec"),
     "Study": ("study", "Study"),
     "calibration": ("studies.calibration", "run"),
+    "contacts": ("studies.contacts", "run"),
+    "falling": ("studies.falling", "run"),
+    "piles": ("studies.piles", "run"),
+    "stacking": ("studies.stacking", "run"),
+    "box_stiffness": ("studies.box_stiffness", "run"),
     "convergence": ("studies.convergence", "run"),
     "execute": ("run", "execute"),
     "implicit_euler": ("studies.implicit_euler", "run"),
@@ -42,13 +52,18 @@ __all__ = [
     "Record",
     "RunSpec",
     "Study",
+    "box_stiffness",
     "calibration",
+    "contacts",
     "convergence",
     "execute",
+    "falling",
     "implicit_euler",
+    "piles",
     "scaling",
     "small_steps",
     "solvers",
+    "stacking",
     "stiffness",
     "throughput",
     "work_precision",

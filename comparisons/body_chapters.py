@@ -56,7 +56,7 @@ def stacks(how: dict[str, Any]) -> Chapter:
             "Boxes on each other, shifted at random by up to a hundredth of their edge. Nothing should move. A line "
             "ends at a cross where a stack falls, or else where the next would take too long for this report."
         ),
-        studies=[stacking.run(counts=(10, 20, 40, 80, 160), seeds=2, cap=2.0, **how)],
+        studies=[stacking.run(counts=(10, 20, 40, 80, 160), seeds=2, cap=1.5, **how)],
     )
 
 
@@ -68,7 +68,7 @@ def heaps(how: dict[str, Any]) -> Chapter:
             "Boxes fall into a container; after 3 s none should overlap or move. Further down is faster, further left "
             "is tighter, or more at rest."
         ),
-        studies=[piles.run(counts=(100,), solids=(20,), sizes=(100, 300, 1000), cap=6.0, rounds=ROUNDS, **how)],
+        studies=[piles.run(counts=(100,), solids=(20,), sizes=(100, 300, 1000), cap=4.0, rounds=ROUNDS, **how)],
     )
 
 

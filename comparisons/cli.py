@@ -156,6 +156,8 @@ def _study(options: argparse.Namespace) -> int:
         study.to_json(options.directory / f"{study.kind}.json")
         for ending in ("png", "svg") if study.series else ():
             study.plot(options.directory / f"{study.kind}.{ending}")
+        if study.films:
+            study.plot(options.directory / f"{study.kind}.gif")
         print(f"figures and records: {options.directory}")
     print(study.table())
     for omission in study.omissions:

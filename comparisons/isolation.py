@@ -35,7 +35,7 @@ TIMEOUT = 300.0
 MEMORY = 12 * 2**30
 """Address space of a child [bytes]: a memory bomb ends itself, not the machine."""
 
-ENDING = 2.0
+ENDING = 10.0
 """Seconds that a child may take to end after it closed its answers."""
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -217,7 +217,7 @@ def _overhead(bound: Bound) -> float:
 
 def _warm_up(bound: Bound, world: Scene) -> None:
     """Compile and load everything by a run over one sample interval, once for each kind of run."""
-    kind = repr((world.name, bound.spec.preset, {**bound.spec.settings, "dt": None, "rtol": None}))
+    kind = repr((world.name, len(world.gravity), bound.spec.preset, {**bound.spec.settings, "dt": None, "rtol": None}))
     if kind not in _WARM:
         _WARM.add(kind)
         bound.run(dataclasses.replace(world, duration=world.duration / world.samples, samples=1))

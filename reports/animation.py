@@ -38,6 +38,9 @@ HOLD = 1.5
 MARGIN = 0.05
 """Of the height, that shows ground."""
 
+HEADROOM = 1.17
+"""Height of a panel over what bodies reach: there stand note and time."""
+
 SHOWN = 96.0
 """Percentage of the bodies that end within a panel; who rolls on would make all others small."""
 
@@ -109,7 +112,7 @@ def _view(films: Sequence[Film]) -> tuple[float, float, float, float]:
     ends = np.concatenate([np.array(film.poses[-1]) for film in films])
     reach = max(math.hypot(*shape) for film in films for shape in film.shapes) / 2.0
     half, top = float(np.percentile(np.abs(ends[:, 0]), SHOWN)) + reach, float(poses[:, 1].max()) + reach
-    return -half, half, -MARGIN * top, top
+    return -half, half, -MARGIN * top, HEADROOM * top
 
 
 class Stage:

@@ -75,9 +75,8 @@ def losses(standings: Sequence[Standing]) -> str:
         first = min(errors, key=lambda name: errors[name])
         if OURS in errors and errors[OURS] > (1.0 + EQUAL) * errors[first]:
             ratio = errors[OURS] / errors[first]
-            said.append(
-                f"{question} ({_title(first)} {errors[first]:.1e} against {errors[OURS]:.1e}, {ratio:.3g} times)"
-            )
+            numbers = f"{errors[first]:.1e} against {errors[OURS]:.1e}, {ratio:.{0 if ratio >= 10.0 else 1}f} times"
+            said.append(f"{question} ({_title(first)} {numbers})")
     return "; ".join(said)
 
 

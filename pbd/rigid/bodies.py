@@ -210,7 +210,7 @@ def bodies(
     inertia = np.array([s.inertia(mass, d) for s, mass in zip(shapes, m, strict=True)]).reshape(n, AXES[d])
     motion = np.zeros((n + 1, COLUMNS[d]))
     motion[:n, :d] = broadcast("velocities", velocities, (n, d))
-    motion[:n, d : d + AXES[d]] = broadcast("spins", spins, (n, AXES[d]) if d == 3 else (n,)).reshape(n, -1)
+    motion[:n, d : d + AXES[d]] = broadcast("spins", spins, (n, AXES[d]) if d == 3 else (n,)).reshape(n, AXES[d])
     motion[:n, d + AXES[d]] = 1.0 / m
     motion[held] = 0.0
     made = Bodies(
