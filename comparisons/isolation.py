@@ -35,7 +35,7 @@ TIMEOUT = 300.0
 MEMORY = 12 * 2**30
 """Address space of a child [bytes]: a memory bomb ends itself, not the machine."""
 
-ENDING = 10.0
+ENDING = 2.0
 """Seconds that a child may take to end after it closed its answers."""
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
