@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pbd.errors import InvalidInput
+from pbd.rigid.bodies import Bodies
 from pbd.state import Particles
 from pbd.vector import aligned
 
@@ -36,6 +37,22 @@ class Arrangement(NamedTuple):
     particles: Particles | None
     batches: tuple
     slot: np.ndarray | None = None
+
+
+def check_groups(problem: Problem) -> None:
+    """Refuse batches of another state group than there is, or made for bodies of another number or dimension."""
+    bodies = problem.bodies
+    for k, batch in enumerate(problem.batches):
+        name, kind = f"constraints[{k}]", type(batch).__name__
+        if hasattr(batch, "made_for"):
+            theirs, fits = batch.made_for(), "contacts and joints made for the bodies of the simulation"
+            if bodies is None:
+                raise InvalidInput(name, kind, "a batch of particles where there are no bodies", "give bodies=")
+            ours = len(bodies.radius) - 1, len(bodies.x)
+            if theirs != ours:
+                raise InvalidInput(name, "{} bodies in {}D".format(*theirs), fits, "they are {} in {}D".format(*ours))
+        elif problem.particles is None and isinstance(bodies, Bodies):
+            raise InvalidInput(name, kind, "a batch of bodies, with made_for(), where there are no particles")
 
 
 def bind_laws(problem: Problem) -> tuple:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.arrangement import Problem, renumbered
+from pbd.arrangement import Problem, check_groups, renumbered
 from pbd.arrays import indices, number, real_array
 from pbd.errors import InvalidInput
 from pbd.external import Gravity
@@ -152,6 +152,7 @@ class Simulation:
     ) -> None:
         self.settings = settings = settings or Settings()
         problem = Problem(particles, tuple(constraints), settings, bodies)
+        check_groups(problem)
         self._integrator = settings.integrator.bind(problem)
         arranged = settings.solver.arrange(problem)
         self._slot = arranged.slot
@@ -159,7 +160,7 @@ class Simulation:
         if arranged.slot is not None:
             fields = tuple(renumbered(field, arranged.slot, "coloured") for field in fields)
         if gravity is not None:
-            fields = (Gravity(_gravity(gravity, particles)), *fields)
+            fields = (Gravity(_gravity(gravity, particles or bodies)), *fields)
         damping = settings.damping.bind() if settings.damping else None
         state = State(arranged.particles, bodies, np.zeros(WORK, dtype=np.int64), np.zeros(SIGNALS))
         self._solver = arranged.solver
@@ -235,9 +236,9 @@ def steps_in(duration: float, dt: float) -> int:
     return steps
 
 
-def _gravity(gravity: Any, particles: Particles | None) -> tuple[float, ...]:
+def _gravity(gravity: Any, group: Any) -> tuple[float, ...]:
     vector = real_array("gravity", gravity)
-    if vector.ndim != 1 or (particles is not None and len(vector) != len(particles.x)):
+    if vector.ndim != 1 or len(vector) != len(group.x):
         raise InvalidInput("gravity", gravity, "one component for each dimension of the positions")
     return tuple(float(component) for component in vector)
 

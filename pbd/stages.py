@@ -135,8 +135,13 @@ def drift(bodies, h):
 
 
 @stage
-def turn_over(batch, state, h):
-    """From the position pass, over a sub-step of h, to the velocity pass."""
+def turn_over(batch, state, h, strikes):
+    """From the position pass, over a sub-step of h, to the velocity pass; impacts come after it, if it ``strikes``."""
+
+
+@stage
+def strike(batch, state):
+    """From the velocity pass that ends where bodies strike to that of the impact."""
 
 
 @stage

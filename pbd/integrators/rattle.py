@@ -14,7 +14,8 @@ pass: started from what positions asked for, a pass that is not solved to the en
 amplification of up to 1.1 a step, as the recurrence of one mode shows; so it is at most 1.
 
 An impact is found as the root of the gap's motion in the sub-step, which is then divided there: free flights stay
-exact parabolas, and a ball that bounces keeps its energy to round-off. Where more than ``events`` contacts close at
+exact parabolas, and a ball that bounces keeps its energy to round-off. The impact is a velocity pass of its own: those
+that carry a body up to it need not be those that carry it after. Where more than ``events`` contacts close at
 once or one after the other, they end with the sub-step, to first order.
 """
 
@@ -28,7 +29,7 @@ from pbd import fields
 from pbd.arrangement import Problem
 from pbd.errors import InvalidInput
 from pbd.jit import device
-from pbd.stages import accelerate, drift, foresee, mark, settle, solve, solve_velocities, turn_over, warm_start
+from pbd.stages import accelerate, drift, foresee, mark, settle, solve, solve_velocities, strike, turn_over, warm_start
 from pbd.state import EARLIEST, IMPACTS
 
 NEGLIGIBLE = 1e-9
@@ -80,16 +81,20 @@ def advance(rattle, solver, scene, lengths, event):
     kick_half(scene, h)
     look_ahead(batches, state, h, whole)
     first, impacts = state.signals[EARLIEST], state.signals[IMPACTS]
-    if event < rattle.events and impacts <= rattle.events and NEGLIGIBLE * h < first < h:
+    strikes = event < rattle.events and impacts <= rattle.events and NEGLIGIBLE * h < first < h
+    if strikes:
         accelerate(scene.external, state, 0.5 * (first - h))
         h = first
         look_ahead(batches, state, h, whole)
     solve(solver, batches, state, h)
     drift(state.bodies, h)
-    turn_over(batches, state, h)
+    turn_over(batches, state, h, strikes)
     kick_half(scene, h)
     warm_start(batches, state, h)
     solve_velocities(solver, batches, state)
+    if strikes:
+        strike(batches, state)
+        solve_velocities(solver, batches, state)
     settle(batches, state, h, impacts == 0.0)
     return h
 

@@ -199,6 +199,8 @@ def bodies(
     if x.ndim != 2 or x.shape[1] not in (2, 3):
         raise InvalidInput("positions", x.shape, "of shape (n, d) with d = 2 or 3")
     n, d = x.shape
+    if not isinstance(shapes, Sequence) or not all(isinstance(shape, Box | Ball) for shape in shapes):
+        raise InvalidInput("shapes", type(shapes).__name__, "a list of pbd.Box and pbd.Ball")
     if n > MAX_BODIES or len(shapes) != n:
         raise InvalidInput("shapes", len(shapes), f"{n}, one for each position, at most {MAX_BODIES}")
     m = broadcast("masses", masses, (n,))

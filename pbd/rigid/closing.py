@@ -32,6 +32,17 @@ def closing(gap, before, mean, h, rest):
 
 
 @device
+def after(gap, pushed, impact, restitution):
+    """Bias of a contact in a velocity pass [m/s]: it rebounds, or does not close, or takes no part while it is open.
+
+    ``pushed``: the impulse of the position pass; ``restitution`` below 0: the impact is not in this pass.
+    """
+    if (gap > CLOSED and pushed == 0.0) or (impact != 0.0 and restitution < 0.0):
+        return OPEN
+    return restitution * impact
+
+
+@device
 def opening(gap, bend, inverse, rate, most_push):
     """Bias of a contact in a position pass [m/s]: its speed may not be less than minus this.
 

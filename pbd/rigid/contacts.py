@@ -30,6 +30,7 @@ from pbd.rigid.rows import (
     project_row,
     refresh_row,
     settle_row,
+    strike_row,
     turn_over_row,
     warm_start_row,
 )
@@ -86,6 +87,10 @@ class Contacts(NamedTuple):
             table=np.zeros(1 << (2 * capacity - 1).bit_length(), dtype=np.int64),
         )
 
+    def made_for(self) -> tuple[int, int]:
+        """Number and dimension of the bodies (called by Python)."""
+        return len(self.reach), len(self.built)
+
     def detect(self, state, h, left):
         self.counts[WAIT] -= 1
         if self.counts[WAIT] <= 0:
@@ -114,8 +119,11 @@ class Contacts(NamedTuple):
     def extrapolate(self, state, share):
         extrapolate_all(self, state, share)
 
-    def turn_over(self, state, h):
-        turn_over_all(self, state, h)
+    def turn_over(self, state, h, strikes):
+        turn_over_all(self, state, h, strikes)
+
+    def strike(self, state):
+        strike_all(self, state)
 
     def settle(self, state, h, steady):
         settle_all(self, state, h, steady)
@@ -185,9 +193,16 @@ def extrapolate_all(contacts, state, share):
 
 
 @routine
-def turn_over_all(contacts, state, h):
+def turn_over_all(contacts, state, h, strikes):
+    restitution = -1.0 if strikes else contacts.restitution
     for k in range(contacts.counts[ACTIVE]):
-        turn_over_row(contacts.rows, contacts.active[k], state.bodies, h, contacts.friction, contacts.restitution)
+        turn_over_row(contacts.rows, contacts.active[k], state.bodies, h, contacts.friction, restitution)
+
+
+@routine
+def strike_all(contacts, state):
+    for k in range(contacts.counts[ACTIVE]):
+        strike_row(contacts.rows, contacts.active[k], contacts.restitution)
 
 
 @routine

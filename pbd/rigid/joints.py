@@ -61,11 +61,16 @@ from pbd.vector import from_store
 
 
 class Joints(NamedTuple):
-    """Joints of one kind, see `pbd.rigid.joint_kinds`, their rows, and how they hang together."""
+    """Joints of one kind, see `pbd.rigid.joint_kinds`, their rows, and how they hang together; number of bodies."""
 
     kind: Any
     rows: JointRows
     forest: Forest
+    bodies: int
+
+    def made_for(self) -> tuple[int, int]:
+        """Number and dimension of the bodies (called by Python)."""
+        return self.bodies, self.rows.lever.shape[-1] // 3 + 1
 
     def mark(self, state):
         mark_all(self, state)
@@ -82,7 +87,7 @@ class Joints(NamedTuple):
     def extrapolate(self, state, share):
         extrapolate_all(self, state, share)
 
-    def turn_over(self, state, h):
+    def turn_over(self, state, h, strikes):
         turn_over_all(self, state, h)
 
     def settle(self, state, h, steady):
@@ -294,4 +299,4 @@ def _arms(bodies: Bodies, rows: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.
 def _joined(bodies: Bodies, kind: Any, rows: np.ndarray, alpha: np.ndarray) -> Joints:
     velocities = 3 * (len(bodies.x) - 1)
     forest = plant(rows, bodies.motion[:, velocities] == 0.0, alpha.shape[1], velocities)
-    return Joints(kind, new_joint_rows(rows, alpha, velocities), forest)
+    return Joints(kind, new_joint_rows(rows, alpha, velocities), forest, len(bodies.radius) - 1)

@@ -6,7 +6,7 @@ import math
 
 from pbd.jit import device
 from pbd.rigid.block_2d import Block, solve_block
-from pbd.rigid.closing import CLOSED, OPEN, closing, opening
+from pbd.rigid.closing import after, closing, opening
 
 
 @device
@@ -34,6 +34,7 @@ def refresh(hot, cold, bodies, a, b):
         hot["bi"], hot["bj"] = kx * ny - ky * nx, lx * ny - ly * nx
         cold["gap_b"] = (dx + lx - kx) * nx + (dy + ly - ky) * ny
         u, v = shares(a, b, cold["gap_a"], cold["gap_b"])
+        cold["share"] = v
         ix, iy, jx, jy = u * ix + v * kx, u * iy + v * ky, u * jx + v * lx, u * jy + v * ly
     hot["ti"], hot["tj"] = ix * ty - iy * tx, jx * ty - jy * tx
     stiffen(hot, bodies)
@@ -197,7 +198,9 @@ def curvature(hot, cold, bodies, i, j, h):
     kx, ky = arm(bodies, i, cold["ibx"], cold["iby"])
     lx, ly = arm(bodies, j, cold["jbx"], cold["jby"])
     bx, by = cj * lx - sj * ly - ci * kx + si * ky, sj * lx + cj * ly - si * kx - ci * ky
-    return ax * nx + ay * ny, bx * nx + by * ny, 0.5 * ((ay + by) * nx - (ax + bx) * ny)
+    v = cold["share"]
+    tx, ty = ax + v * (bx - ax), ay + v * (by - ay)
+    return ax * nx + ay * ny, bx * nx + by * ny, ty * nx - tx * ny
 
 
 @device
@@ -216,7 +219,10 @@ def turned(bodies, i, angle):
 
 @device
 def turn_over(hot, cold, bodies, h, mu, restitution):
-    """From the position pass to the velocity pass: what was spent, the new arms, the targets."""
+    """From the position pass to the velocity pass: what was spent, the new arms, the targets.
+
+    With ``restitution`` below 0 impacts come after this pass, in one of their own, see `strike`.
+    """
     a, b, t = hot["a"], hot["b"], hot["t"]
     _, _, ut = speeds(hot, bodies.motion)
     sticks = a + b > 0.0 and abs(t) < mu * (a + b)
@@ -227,9 +233,17 @@ def turn_over(hot, cold, bodies, h, mu, restitution):
     hot["low_a"] = -min(a, pushed_a / hot["aa"]) if a > 0.0 and cold["impact_a"] == 0.0 else 0.0
     hot["low_b"] = -min(b, pushed_b / hot["bb"]) if b > 0.0 and cold["impact_b"] == 0.0 else 0.0
     hot["spent_n"], hot["spent_t"] = a + b, t
-    hot["wa"], hot["wb"], hot["wt"] = restitution * cold["impact_a"], restitution * cold["impact_b"], 0.0
-    if cold["gap_a"] > CLOSED and a == 0.0:
-        hot["wa"] = OPEN
-    if hot["points"] == 2 and cold["gap_b"] > CLOSED and b == 0.0:
-        hot["wb"] = OPEN
+    hot["wa"] = after(cold["gap_a"], a, cold["impact_a"], restitution)
+    hot["wb"] = after(cold["gap_b"], b, cold["impact_b"], restitution)
+    hot["wt"] = hot["a"] = hot["b"] = hot["t"] = 0.0
+
+
+@device
+def strike(hot, cold, restitution):
+    """From the velocity pass before an impact to that of the impact: it has a budget of friction of its own."""
+    hot["low_a"] = hot["low_b"] = hot["spent_n"] = hot["spent_t"] = 0.0
+    if cold["impact_a"] != 0.0:
+        hot["wa"] = restitution * cold["impact_a"]
+    if cold["impact_b"] != 0.0:
+        hot["wb"] = restitution * cold["impact_b"]
     hot["a"] = hot["b"] = hot["t"] = 0.0

@@ -8,10 +8,10 @@ from pbd.collision.frames import cross
 from pbd.jit import device
 from pbd.rigid import block_3d as at
 from pbd.rigid.block_3d import both_motions, speed_along, twist_speed
-from pbd.rigid.closing import CLOSED, OPEN, closing, opening
+from pbd.rigid.closing import CLOSED, after, closing, opening
 from pbd.rigid.inverse_3d import set_inverse
 from pbd.rigid.turning import to_world
-from pbd.vector import dot, scale, subtract
+from pbd.vector import add, dot, scale, subtract
 
 SAME = 1e-4
 """Weights that have changed by less than this share are the same for K^-1."""
@@ -58,14 +58,17 @@ def middle(rows, c, bodies, normal, weights, column):
     for k in range(points):
         total += weights[c, column + k]
         least = min(least, rows.gap[c, k])
-    mi, mj, count = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
+    count = 0.0
     for k in range(points):
         share = weights[c, column + k] if total > 0.0 else 1.0 if rows.gap[c, k] <= least + CLOSED else 0.0
-        ri, rj = arms(rows, c, bodies, i, j, k, normal)
-        mi = mi[0] + share * ri[0], mi[1] + share * ri[1], mi[2] + share * ri[2]
-        mj = mj[0] + share * rj[0], mj[1] + share * rj[1], mj[2] + share * rj[2]
+        rows.share[c, k] = share
         count += share
-    return scale(1.0 / count, mi), scale(1.0 / count, mj)
+    mi, mj = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(points):
+        rows.share[c, k] /= count
+        ri, rj = arms(rows, c, bodies, i, j, k, normal)
+        mi, mj = add(mi, scale(rows.share[c, k], ri)), add(mj, scale(rows.share[c, k], rj))
+    return mi, mj
 
 
 @device
@@ -186,7 +189,7 @@ def foresee(rows, c, bodies, h, limits):
     for k in range(points):
         ri, rj = arms(rows, c, bodies, i, j, k, normal)
         bent = subtract(bent_arm(bend_j, rj), bent_arm(bend_i, ri))
-        mean = mean[0] + bent[0] / points, mean[1] + bent[1] / points, mean[2] + bent[2] / points
+        mean = add(mean, scale(rows.share[c, k], bent))
         bend, gap = dot(normal, bent), rows.gap[c, k]
         speed = speed_along(row, c, at.NORMAL, at.ARMS + 12 * k, v) + bend * inverse
         closes, rows.impact[c, k] = closing(gap, rows.before[c, k], speed, h, rest)
@@ -224,7 +227,7 @@ def bent_arm(bend, r):
 
 @device
 def turn_over(rows, c, bodies, h, friction, restitution):
-    """From the position pass to the velocity pass: what was spent, the new pose, the targets."""
+    """From the position pass to the velocity pass, as in the plane: what was spent, the new pose, the targets."""
     row, points = rows.row, rows.pair[c, 2]
     v = both_motions(bodies.motion, rows.pair[c, 0], rows.pair[c, 1])
     total, lever = 0.0, 0.0
@@ -245,10 +248,22 @@ def turn_over(rows, c, bodies, h, friction, restitution):
         rows.before[c, k] = spent
         pushed = max(-row[c, at.BIAS + k], 0.0) * row[c, at.INVERSE + k]
         row[c, at.LOW + k] = -min(spent, pushed) if impact == 0.0 else 0.0
-        row[c, at.BIAS + k] = restitution * impact
-        if rows.gap[c, k] > CLOSED and spent == 0.0:
-            row[c, at.BIAS + k] = OPEN
+        row[c, at.BIAS + k] = after(rows.gap[c, k], spent, impact, restitution)
     for r in range(7):
         row[c, at.IMPULSE + r] = 0.0
     for r in range(4, 7):
         row[c, at.BIAS + r] = 0.0
+
+
+@device
+def strike(rows, c, restitution):
+    """From the velocity pass before an impact to that of the impact: it has a budget of friction of its own."""
+    row = rows.row
+    for k in range(rows.pair[c, 2]):
+        row[c, at.LOW + k] = 0.0
+        if rows.impact[c, k] != 0.0:
+            row[c, at.BIAS + k] = restitution * rows.impact[c, k]
+    for k in range(5):
+        row[c, at.SPENT + k] = 0.0
+    for r in range(7):
+        row[c, at.IMPULSE + r] = 0.0

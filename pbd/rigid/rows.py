@@ -62,7 +62,12 @@ def project_row(rows, c, bodies, friction):
 
 @stage(required=True)
 def turn_over_row(rows, c, bodies, h, friction, restitution):
-    """From the position pass to the velocity pass."""
+    """From the position pass to the velocity pass; impacts are not in it if ``restitution`` is below 0."""
+
+
+@stage(required=True)
+def strike_row(rows, c, restitution):
+    """From the velocity pass before an impact to that of the impact."""
 
 
 @stage(required=True)

@@ -10,7 +10,7 @@ from pbd.jit import device
 from pbd.rigid import block_3d as at
 from pbd.rigid.block_3d import COLUMNS, POINTS, ROWS, push_bodies, solve_block
 from pbd.rigid.detect_3d import detect
-from pbd.rigid.pass_3d import contact_speeds, foresee, refresh, turn_over
+from pbd.rigid.pass_3d import contact_speeds, foresee, refresh, strike, turn_over
 
 
 class Rows3(NamedTuple):
@@ -20,7 +20,7 @@ class Rows3(NamedTuple):
     row (m, COLUMNS) : what projections touch, see `pbd.rigid.block_3d`
     feature (m, 7) : of each point the features that touch; the owner of the normal; the axis that separated last
     local (m, 3 + 6 POINTS) : the normal in its owner's frame; arms of the points in both frames
-    gap (m, POINTS), impact (m, POINTS) : [m], and the speed of an impact [m/s], 0 for none
+    gap, share, impact (m, POINTS) : [m]; how much of the contact is there; speed of an impact [m/s], 0 for none
     before (m, ROWS) : speeds at the start of the sub-step, then the impulses of its position pass
     force (m, ROWS) : of the last velocity pass [N]
     drift (m, 3) : what sticking contacts have slipped [m] and twisted [rad]: to be undone
@@ -33,6 +33,7 @@ class Rows3(NamedTuple):
     feature: np.ndarray
     local: np.ndarray
     gap: np.ndarray
+    share: np.ndarray
     impact: np.ndarray
     before: np.ndarray
     force: np.ndarray
@@ -121,6 +122,9 @@ class Rows3(NamedTuple):
     def turn_over_row(self, c, bodies, h, friction, restitution):
         turn_over(self, c, bodies, h, friction, restitution)
 
+    def strike_row(self, c, restitution):
+        strike(self, c, restitution)
+
     def settle_row(self, c, h, steady):
         if steady:
             for r in range(ROWS):
@@ -142,6 +146,7 @@ def new_rows(capacity: int) -> Any:
         real(COLUMNS),
         whole(6),
         real(3 + 6 * POINTS),
+        real(POINTS),
         real(POINTS),
         real(POINTS),
         real(ROWS),
