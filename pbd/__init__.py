@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from pbd.rigid.bodies import Ball as Ball
     from pbd.rigid.bodies import Box as Box
     from pbd.rigid.bodies import bodies as bodies
-    from pbd.rigid.contacts import contacts as contacts
-    from pbd.rigid.contacts import planes as planes
-    from pbd.rigid.joints import ball_joint as ball_joint
-    from pbd.rigid.joints import distance_joint as distance_joint
-    from pbd.rigid.joints import hinge as hinge
+    from pbd.rigid.contact_input import contacts as contacts
+    from pbd.rigid.contact_input import planes as planes
+    from pbd.rigid.joint_input import ball_joint as ball_joint
+    from pbd.rigid.joint_input import distance_joint as distance_joint
+    from pbd.rigid.joint_input import hinge as hinge
     from pbd.settings import Settings as Settings
     from pbd.simulation import Outcome as Outcome
     from pbd.simulation import Simulation as Simulation
@@ -52,11 +52,11 @@ _HOME = {
     "Box": "rigid.bodies",
     "bodies": "rigid.bodies",
     "ConjugateSweeps": "solvers.conjugate",
-    "contacts": "rigid.contacts",
-    "planes": "rigid.contacts",
-    "ball_joint": "rigid.joints",
-    "distance_joint": "rigid.joints",
-    "hinge": "rigid.joints",
+    "contacts": "rigid.contact_input",
+    "planes": "rigid.contact_input",
+    "ball_joint": "rigid.joint_input",
+    "distance_joint": "rigid.joint_input",
+    "hinge": "rigid.joint_input",
     "Rattle": "integrators.rattle",
     "Damping": "damping",
     "Direct": "solvers.direct",

@@ -135,6 +135,11 @@ def drift(bodies, h):
 
 
 @stage
+def relieve(batch, state):
+    """Take back the impulses with which a position pass has undone deep overlaps, lest they become speed."""
+
+
+@stage
 def turn_over(batch, state, h, strikes):
     """From the position pass, over a sub-step of h, to the velocity pass; impacts come after it, if it ``strikes``."""
 

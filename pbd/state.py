@@ -25,10 +25,10 @@ WORK = 4
 
 PAIRS_TESTED, LACKING = 2, 3
 
-SIGNALS = 4
-EARLIEST, IMPACTS, CHANGE, SIZE = range(SIGNALS)
-"""What constraints of bodies tell the integrator and the solver: when the first impact is [s], how many there are, and
-the squares [J] of a sweep's change of impulses and of the impulses, in the norm of K."""
+SIGNALS = 5
+EARLIEST, IMPACTS, CHANGE, SIZE, LEAST = range(SIGNALS)
+"""What constraints of bodies tell the integrator and the solver: when the first impact is [s], how many there are; the
+squares [J] of a sweep's change of impulses and of the impulses, in the norm of K; and the least gap [m]."""
 
 
 class Recording(NamedTuple):

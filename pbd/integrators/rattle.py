@@ -6,12 +6,15 @@ second pass projects the velocities:
 
     v <- v + h/2 g + M^-1 J(x)^T p     such that the gaps at x + h v are >= 0, p >= 0, |friction| <= mu p
     x <- x + h v
-    v <- v + h/2 g + M^-1 J(x)^T p'    such that the gaps do not close, or open by e times the speed of an impact
+    v <- v + h/2 g + M^-1 J(x)^T p'    such that the gaps do not close, or open by e times the speed of an impact,
+                                       p + p' >= 0
 
-The two passes have one budget of friction. Gaps are taken where the bodies will be, so that both are of second order
-for turning bodies; sticking contacts pull back what they have slipped. Both start from the forces of the last velocity
-pass: started from what positions asked for, a pass that is not solved to the end would feed its own errors, with an
-amplification of up to 1.1 a step, as the recurrence of one mode shows; so it is at most 1.
+The two passes have one budget of friction, and the second may take back what the first has pushed: what foresaw the
+turn of a body not quite is no speed after it. What undoes a deep overlap is taken back before, whole. Gaps are taken
+where the bodies will be, so that both are of second order for turning bodies; sticking contacts pull back what they
+have slipped. Both start from the forces of the last velocity pass: started from what positions asked for, a pass that
+is not solved to the end would feed its own errors, with an amplification of up to 1.1 a step, as the recurrence of one
+mode shows; so it is at most 1.
 
 An impact is found as the root of the gap's motion in the sub-step, which is then divided there: free flights stay
 exact parabolas, and a ball that bounces keeps its energy to round-off. The impact is a velocity pass of its own: those
@@ -29,8 +32,20 @@ from pbd import fields
 from pbd.arrangement import Problem
 from pbd.errors import InvalidInput
 from pbd.jit import device
-from pbd.stages import accelerate, drift, foresee, mark, settle, solve, solve_velocities, strike, turn_over, warm_start
-from pbd.state import EARLIEST, IMPACTS
+from pbd.stages import (
+    accelerate,
+    drift,
+    foresee,
+    mark,
+    relieve,
+    settle,
+    solve,
+    solve_velocities,
+    strike,
+    turn_over,
+    warm_start,
+)
+from pbd.state import EARLIEST, IMPACTS, LEAST
 
 NEGLIGIBLE = 1e-9
 """A part of a sub-step shorter than this share of it is none."""
@@ -88,6 +103,7 @@ def advance(rattle, solver, scene, lengths, event):
         look_ahead(batches, state, h, whole)
     solve(solver, batches, state, h)
     drift(state.bodies, h)
+    relieve(batches, state)
     turn_over(batches, state, h, strikes)
     kick_half(scene, h)
     warm_start(batches, state, h)
@@ -95,7 +111,7 @@ def advance(rattle, solver, scene, lengths, event):
     if strikes:
         strike(batches, state)
         solve_velocities(solver, batches, state)
-    settle(batches, state, h, impacts == 0.0)
+    settle(batches, state, h, impacts == 0.0 and h > 0.5 * whole)  # impulses in a short part are no forces
     return h
 
 
@@ -109,5 +125,5 @@ def kick_half(scene, h):
 def look_ahead(batches, state, h, whole):
     """The motion over h under the last forces: its gaps, and the first impact."""
     warm_start(batches, state, h)
-    state.signals[EARLIEST], state.signals[IMPACTS] = math.inf, 0.0
+    state.signals[EARLIEST], state.signals[IMPACTS], state.signals[LEAST] = math.inf, 0.0, 0.0
     foresee(batches, state, h, whole)

@@ -37,7 +37,8 @@ DISTANCE = DIRECTION + 7
 SPENT = DISTANCE + 4
 COUPLING = SPENT + 5
 WHOLE = COUPLING + 1
-COLUMNS = WHOLE + 28
+PROBES = WHOLE + 28
+COLUMNS = PROBES + 2
 
 ROWS = 7
 """Of a contact: four normals, two tangents, the twist."""
@@ -146,9 +147,12 @@ def solve_block(row, c, points, motion, i, j, mu):
 
 @device
 def is_open(row, c, points, v):
-    """Whether nothing pushes and nothing closes."""
+    """Whether nothing pushes, nothing closes, and nothing may be taken back."""
     for r in range(ROWS):
         if row[c, IMPULSE + r] != 0.0:
+            return False
+    for k in range(points):
+        if row[c, LOW + k] != 0.0:
             return False
     least = 0.0
     for k in range(points):

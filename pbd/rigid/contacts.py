@@ -12,13 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.arrays import broadcast, number, real_array
-from pbd.collision.cells import Cells, new_cells
+from pbd.collision.cells import Cells
 from pbd.collision.plane import Planes
-from pbd.errors import InvalidInput
 from pbd.jit import device
 from pbd.rigid import rows_2d, rows_3d
-from pbd.rigid.bodies import Bodies
 from pbd.rigid.pairs import ACTIVE, PAIRS, WAIT, is_stale, note_speeds, seek_pairs
 from pbd.rigid.rows import (
     detect_row,
@@ -29,14 +26,15 @@ from pbd.rigid.rows import (
     pair_of_row,
     project_row,
     refresh_row,
+    relieve_row,
     settle_row,
     strike_row,
     turn_over_row,
     warm_start_row,
 )
 from pbd.routine import routine
-from pbd.state import CHANGE, EARLIEST, IMPACTS, PAIRS_TESTED, SIZE
-from pbd.vector import Store, zeros
+from pbd.state import CHANGE, EARLIEST, IMPACTS, LEAST, PAIRS_TESTED, SIZE
+from pbd.vector import Store
 
 FARTHEST = 0.02
 """Contacts are found anew within a step before any body has moved by more than this share of its radius."""
@@ -44,8 +42,9 @@ FARTHEST = 0.02
 SKIN = 0.1
 """How far bodies may move before pairs are sought anew, over the median bounding radius."""
 
-PAIRS_PER_BODY = {2: 6, 3: 14}
-"""Room for candidate pairs to begin with; a run that needs more starts again with it."""
+DEEP = 0.01
+"""An overlap is deep, and undone without speed, beyond this share of the median bounding radius. Less is undone by the
+passes themselves: taken back whole, their impulses would be missing to what is heavily loaded."""
 
 SPECULATIVE = 1e-3
 """A contact is kept while its gap is less than this share of a body's radius, beside what may close in the step."""
@@ -119,6 +118,9 @@ class Contacts(NamedTuple):
     def extrapolate(self, state, share):
         extrapolate_all(self, state, share)
 
+    def relieve(self, state):
+        relieve_all(self, state)
+
     def turn_over(self, state, h, strikes):
         turn_over_all(self, state, h, strikes)
 
@@ -168,7 +170,8 @@ def warm_start_all(contacts, state, h):
 def foresee_all(contacts, state, h, whole):
     limits = (contacts.most_push, slowest_impact(contacts.restitution, contacts.gravity * whole), 1.0 / whole)
     for k in range(contacts.counts[ACTIVE]):
-        when = foresee_row(contacts.rows, contacts.active[k], state.bodies, h, limits)
+        when, gap = foresee_row(contacts.rows, contacts.active[k], state.bodies, h, limits)
+        state.signals[LEAST] = min(state.signals[LEAST], gap)
         if when < math.inf:
             state.signals[IMPACTS] += 1.0
             state.signals[EARLIEST] = min(state.signals[EARLIEST], when)
@@ -193,6 +196,14 @@ def extrapolate_all(contacts, state, share):
 
 
 @routine
+def relieve_all(contacts, state):
+    depth = DEEP / SKIN * contacts.skin
+    if state.signals[LEAST] < -depth:
+        for k in range(contacts.counts[ACTIVE]):
+            relieve_row(contacts.rows, contacts.active[k], state.bodies, depth)
+
+
+@routine
 def turn_over_all(contacts, state, h, strikes):
     restitution = -1.0 if strikes else contacts.restitution
     for k in range(contacts.counts[ACTIVE]):
@@ -202,7 +213,7 @@ def turn_over_all(contacts, state, h, strikes):
 @routine
 def strike_all(contacts, state):
     for k in range(contacts.counts[ACTIVE]):
-        strike_row(contacts.rows, contacts.active[k], contacts.restitution)
+        strike_row(contacts.rows, contacts.active[k], state.bodies, contacts.restitution)
 
 
 @routine
@@ -220,70 +231,3 @@ def slowest_impact(restitution, kick):
     """
     e = restitution
     return kick * min(1.0, (1.0 - e) / (2.0 * e)) if e > 0.0 else kick
-
-
-def planes(normals: Any, offsets: Any = 0.0) -> Planes:
-    """Fixed half-spaces, solid where n . y < offset.
-
-    Parameters
-    ----------
-    normals : (d,) or (m, d), any length > 0; they point out of the solid
-    offsets : one number or (m,) [m], along the unit normals
-
-    Raises
-    ------
-    InvalidInput : a normal of length 0, offsets that do not fit
-    """
-    given = np.atleast_2d(real_array("normals", normals))
-    lengths = np.linalg.norm(given, axis=-1)
-    if given.ndim != 2 or given.shape[1] not in (2, 3) or not np.all(lengths > 0.0):
-        raise InvalidInput("normals", np.asarray(normals).tolist(), "of 2 or 3 components and length > 0")
-    unit = given / lengths[:, None]
-    return Planes(tuple(np.ascontiguousarray(axis) for axis in unit.T), broadcast("offsets", offsets, (len(unit),)))
-
-
-def contacts(
-    bodies: Bodies,
-    planes: Planes | None = None,
-    *,
-    friction: float = 0.0,
-    restitution: float = 0.0,
-    gravity: float = 9.81,
-    depenetration: float = 1.0,
-) -> Contacts:
-    """Contacts of bodies with each other and with planes.
-
-    Parameters
-    ----------
-    planes : from `planes`
-    friction : Coulomb coefficient mu >= 0, of every pair
-    restitution : Newton's e in [0, 1], of every pair
-    gravity : [m/s^2], >= 0; only sets which impacts are too slow to bounce
-    depenetration : speed [m/s] > 0 with which bodies that overlap are pushed apart at most
-
-    Raises
-    ------
-    InvalidInput : a value outside its range, planes of another dimension
-    """
-    n, d = len(bodies.radius) - 1, len(bodies.x)
-    if planes is not None and len(planes.normal) != d:
-        raise InvalidInput("planes", f"{len(planes.normal)} dimensions", f"{d}, as the bodies have")
-    radius = bodies.radius[:n].copy()
-    made = Contacts(
-        rows=None,
-        planes=planes or Planes(zeros(0, d), np.zeros(0)),
-        friction=number("friction", friction, 0.0, 1e9, "finite and >= 0"),
-        restitution=number("restitution", restitution, 0.0, 1.0, "a number in [0, 1]"),
-        gravity=number("gravity", gravity, 0.0, 1e9, "finite and >= 0 m/s^2"),
-        most_push=number("depenetration", depenetration, 1e-300, 1e9, "finite and > 0 m/s"),
-        skin=SKIN * float(np.median(radius)) if n else 0.0,
-        cells=new_cells(radius, d),
-        pairs=np.zeros((0, 2), dtype=np.int64),
-        active=np.zeros(0, dtype=np.int64),
-        counts=np.zeros(4, dtype=np.int64),
-        built=zeros(n, d),
-        reach=radius,
-        speed=np.zeros(n + 1),
-        table=np.zeros(0, dtype=np.int64),
-    )
-    return made.grown(16 + PAIRS_PER_BODY[d] * n)

@@ -15,7 +15,46 @@ from pbd.rigid import block_3d as at
 REGULAR = 1e-4
 """Over the normals' diagonal. With 1e-9 errors of rounding in how load is shared move a stack of 20 by a millimetre."""
 
+SAME = 1e-4
+"""K is that of the stored K^-1 while its probes have changed by less than this share."""
+
 ROWS = 7
+
+FIRST = (0.71, -0.43, 0.37, -0.59, 0.83, -0.31, 0.47)
+SECOND = (-0.29, -0.67, 0.53, 0.41, 0.23, 0.79, -0.61)
+"""Vectors z without a symmetry of a contact: z.K z tells when K changes, and when points or directions swap."""
+
+
+@device
+def has_changed(row, c, points, mass):
+    """Whether K has changed so much that K^-1 no longer serves; then the new probes are stored.
+
+    A slightly old K^-1 costs sweeps, not accuracy, since speeds are those of the present pose. One of other points, or
+    that has aged little by little, would make sweeps diverge.
+    """
+    first, second = probe(row, c, points, mass, FIRST), probe(row, c, points, mass, SECOND)
+    old_first, old_second = row[c, at.PROBES], row[c, at.PROBES + 1]
+    if abs(first - old_first) <= SAME * old_first and abs(second - old_second) <= SAME * old_second:
+        return False
+    row[c, at.PROBES], row[c, at.PROBES + 1] = first, second
+    return True
+
+
+@device
+def probe(row, c, points, mass, z):
+    """z.K z, the rows of points that are not there left out."""
+    push = 0.0
+    for k in range(points):
+        push += z[k]
+    total = mass * (push * push + z[4] * z[4] + z[5] * z[5])
+    for axis in range(6):
+        moment, turn = 0.0, 0.0
+        for r in range(ROWS):
+            if r < points or r >= at.POINTS:
+                moment += z[r] * row[c, moments(r) + axis]
+                turn += z[r] * row[c, moments(r) + 6 + axis]
+        total += moment * turn
+    return total
 
 
 @device

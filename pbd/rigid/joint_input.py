@@ -1,4 +1,4 @@
-"""What a user says of joints, checked and brought into the frames of their bodies."""
+"""What a user calls for joints: its input is checked and brought into the frames of the bodies."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ import numpy as np
 from pbd.arrays import broadcast, real_array
 from pbd.errors import InvalidInput
 from pbd.rigid.bodies import Bodies
+from pbd.rigid.joint_kinds import Hinge, Length, SharedPoint
+from pbd.rigid.joint_rows import new_joint_rows
+from pbd.rigid.joint_tree import plant
+from pbd.rigid.joints import Joints
+from pbd.vector import from_store
 
 MOST_COMPLIANCE = 1e9
 """[m/N]"""
@@ -66,3 +71,92 @@ def in_frames(bodies: Bodies, which: np.ndarray, vectors: np.ndarray) -> np.ndar
     else:
         rotations = frames.reshape(-1, 3, 3)
     return np.einsum("mij,mi->mj", rotations, vectors)
+
+
+def ball_joint(bodies: Bodies, pairs: Any, anchors: Any, compliance: Any = 0.0) -> Joints:
+    """Two bodies share a point: in 2D a hinge, in 3D a ball in its socket. A compliant one is a spring of length 0.
+
+    Parameters
+    ----------
+    pairs : (m, 2) indices of bodies; -1 or None is the world
+    anchors : (m, d) the points in the world [m], with the bodies where they are now
+    compliance : (m,) or one number alpha [m/N], >= 0; 0 is rigid
+
+    Raises
+    ------
+    InvalidInput : an index that does not exist, a pair that nothing can move, a shape that does not fit, alpha < 0
+    """
+    rows, d = checked_pairs(bodies, pairs), len(bodies.x)
+    points = checked_points("anchors", anchors, len(rows), d)
+    alpha = checked_compliance(compliance, len(rows), d)
+    return _joined(bodies, SharedPoint(_arms(bodies, rows, points, points)), rows, alpha)
+
+
+def hinge(bodies: Bodies, pairs: Any, anchors: Any, axes: Any, compliance: Any = 0.0) -> Joints:
+    """Two bodies in 3D share a point, and turn against each other about one axis only.
+
+    Parameters
+    ----------
+    pairs, anchors : as in `ball_joint`
+    axes : (m, 3) in the world, of any length > 0
+    compliance : (m,) or one number alpha [m/N] of the point, >= 0; the axis is held rigidly
+
+    Raises
+    ------
+    InvalidInput : as in `ball_joint`; bodies in 2D, an axis of length 0
+    """
+    if len(bodies.x) != 3:
+        raise InvalidInput("bodies", "in 2D", "in 3D for a hinge", "in 2D a ball_joint is one")
+    rows = checked_pairs(bodies, pairs)
+    m = len(rows)
+    points, given = checked_points("anchors", anchors, m, 3), checked_points("axes", axes, m, 3)
+    lengths = np.linalg.norm(given, axis=1)
+    if m and not lengths.min() > 0.0:
+        raise InvalidInput("axes", given[int(np.argmin(lengths))].tolist(), "of length > 0")
+    axis = given / lengths[:, None]
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis), axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    alpha = np.hstack([checked_compliance(compliance, m, 3), np.zeros((m, 2))])
+    sides = (0, axis), (1, first), (1, np.cross(axis, first))
+    directions = [in_frames(bodies, rows[:, side], vectors) for side, vectors in sides]
+    return _joined(bodies, Hinge(np.hstack([_arms(bodies, rows, points, points), *directions])), rows, alpha)
+
+
+def distance_joint(
+    bodies: Bodies, pairs: Any, anchors_a: Any, anchors_b: Any, lengths: Any = None, compliance: Any = 0.0
+) -> Joints:
+    """A point of one body keeps its distance from a point of another: a rod, or a spring.
+
+    Parameters
+    ----------
+    pairs : as in `ball_joint`
+    anchors_a, anchors_b : (m, d) points of the first and second bodies in the world [m], apart
+    lengths : (m,) or one number [m], > 0; default the distances now
+    compliance : (m,) or one number alpha [m/N], >= 0; 0 is rigid
+
+    Raises
+    ------
+    InvalidInput : as in `ball_joint`; points that coincide, a length that is not > 0
+    """
+    rows, d = checked_pairs(bodies, pairs), len(bodies.x)
+    m = len(rows)
+    a, b = checked_points("anchors_a", anchors_a, m, d), checked_points("anchors_b", anchors_b, m, d)
+    now = np.linalg.norm(b - a, axis=1)
+    wanted = now if lengths is None else broadcast("lengths", lengths, (m,))
+    for field, values in (("the distance of anchors_a and anchors_b", now), ("lengths", wanted)):
+        if m and not values.min() > 0.0:
+            raise InvalidInput(field, float(values.min()), "> 0 m", "use ball_joint")
+    local = np.hstack([_arms(bodies, rows, a, b), wanted[:, None]])
+    return _joined(bodies, Length(local), rows, checked_compliance(compliance, m, 1))
+
+
+def _arms(bodies: Bodies, rows: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(m, 2 d) points of the first and second bodies in their frames."""
+    x = from_store(bodies.x)
+    return np.hstack([in_frames(bodies, rows[:, k], points - x[rows[:, k]]) for k, points in enumerate((a, b))])
+
+
+def _joined(bodies: Bodies, kind: Any, rows: np.ndarray, alpha: np.ndarray) -> Joints:
+    velocities = 3 * (len(bodies.x) - 1)
+    forest = plant(rows, bodies.motion[:, velocities] == 0.0, alpha.shape[1], velocities)
+    return Joints(kind, new_joint_rows(rows, alpha, velocities), forest, len(bodies.radius) - 1)

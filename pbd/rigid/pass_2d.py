@@ -17,7 +17,11 @@ def arm(bodies, i, x, y):
 
 @device
 def refresh(hot, cold, bodies, a, b):
-    """Bring arms, gaps and K to the present pose; friction acts where the normal forces a and b do."""
+    """Bring arms, gaps and K to the present pose; friction acts where the normal forces a and b do.
+
+    Both bodies are pushed at one place, or a contact that slides would make angular momentum: at the point of the one
+    that touches a face of the other, the normal's owner.
+    """
     i, j = hot["i"], hot["j"]
     owner = i if cold["owner"] == 0 else j
     nx, ny = arm(bodies, owner, cold["local_nx"], cold["local_ny"])
@@ -25,19 +29,30 @@ def refresh(hot, cold, bodies, a, b):
     dx, dy = bodies.x[0][j] - bodies.x[0][i], bodies.x[1][j] - bodies.x[1][i]
     ix, iy = anchor(bodies, i, cold["iax"], cold["iay"], nx, ny)
     jx, jy = anchor(bodies, j, cold["jax"], cold["jay"], -nx, -ny)
-    hot["ai"], hot["aj"] = ix * ny - iy * nx, jx * ny - jy * nx
     cold["gap_a"] = (dx + jx - ix) * nx + (dy + jy - iy) * ny
+    ix, iy, jx, jy = at_one_place(cold, dx, dy, (ix, iy, jx, jy))
+    hot["ai"], hot["aj"] = ix * ny - iy * nx, jx * ny - jy * nx
     tx, ty = -ny, nx
     if hot["points"] == 2:
         kx, ky = arm(bodies, i, cold["ibx"], cold["iby"])
         lx, ly = arm(bodies, j, cold["jbx"], cold["jby"])
-        hot["bi"], hot["bj"] = kx * ny - ky * nx, lx * ny - ly * nx
         cold["gap_b"] = (dx + lx - kx) * nx + (dy + ly - ky) * ny
+        kx, ky, lx, ly = at_one_place(cold, dx, dy, (kx, ky, lx, ly))
+        hot["bi"], hot["bj"] = kx * ny - ky * nx, lx * ny - ly * nx
         u, v = shares(a, b, cold["gap_a"], cold["gap_b"])
         cold["share"] = v
         ix, iy, jx, jy = u * ix + v * kx, u * iy + v * ky, u * jx + v * lx, u * jy + v * ly
     hot["ti"], hot["tj"] = ix * ty - iy * tx, jx * ty - jy * tx
     stiffen(hot, bodies)
+
+
+@device
+def at_one_place(cold, dx, dy, arms):
+    """Arms of a contact point, from the point on the body that does not own the normal."""
+    ix, iy, jx, jy = arms
+    if cold["owner"] == 0:
+        return dx + jx, dy + jy, jx, jy
+    return ix, iy, ix - dx, iy - dy
 
 
 @device
@@ -128,7 +143,8 @@ def project_contact(hot, motion, mu):
     ua, ub, ut = speeds(hot, motion)
     ua, ub, ut = ua + hot["wa"], ub + hot["wb"], ut + hot["wt"]
     a, b, t = hot["a"], hot["b"], hot["t"]
-    if a == 0.0 and b == 0.0 and t == 0.0 and ua >= 0.0 and (ub >= 0.0 or hot["points"] == 1):
+    nothing = a == hot["low_a"] == 0.0 and b == hot["low_b"] == 0.0 and t == 0.0
+    if nothing and ua >= 0.0 and (ub >= 0.0 or hot["points"] == 1):
         hot["da"] = hot["db"] = hot["dt"] = 0.0
         return 0.0, 0.0
     da = -(hot["iaa"] * ua + hot["iab"] * ub + hot["iat"] * ut)
@@ -163,7 +179,7 @@ def change_by_cases(hot, mu, ua, ub, ut):
 
 @device
 def foresee(hot, cold, bodies, h, limits):
-    """Set the bias of a position pass; returns when within h the contact closes in an impact, or h, and its speed."""
+    """Set the bias of a position pass; returns when within h the contact closes in an impact, or inf; and its gap."""
     most_push, rest, rate = limits
     ua, ub, _ = speeds(hot, bodies.motion)
     i, j = hot["i"], hot["j"]
@@ -177,8 +193,16 @@ def foresee(hot, cold, bodies, h, limits):
     if hot["points"] == 2:
         when_b, cold["impact_b"] = closing(gap_b, cold["rest_b"], ub + rb * inverse, h, rest)
         hot["wb"] = opening(gap_b, rb, inverse, rate, most_push)
-        when = min(when, when_b)
-    return when
+        return min(when, when_b), min(gap_a, gap_b)
+    return when, gap_a
+
+
+@device
+def relieve(hot, cold, motion, depth):
+    """After a position pass: take back what it pushed if the contact overlapped by more than ``depth``."""
+    if cold["gap_a"] < -depth or (hot["points"] == 2 and cold["gap_b"] < -depth):
+        push(hot, motion, -hot["a"], -hot["b"], -hot["t"])
+        hot["a"] = hot["b"] = hot["t"] = 0.0
 
 
 @device
@@ -227,11 +251,10 @@ def turn_over(hot, cold, bodies, h, mu, restitution):
     _, _, ut = speeds(hot, bodies.motion)
     sticks = a + b > 0.0 and abs(t) < mu * (a + b)
     cold["slip"] = h * (ut + hot["wt"]) if sticks else 0.0
-    pushed_a, pushed_b = max(-hot["wa"], 0.0), max(-hot["wb"], 0.0)
     refresh(hot, cold, bodies, a, b)
     cold["rest_a"], cold["rest_b"], cold["rest_t"] = a, b, t
-    hot["low_a"] = -min(a, pushed_a / hot["aa"]) if a > 0.0 and cold["impact_a"] == 0.0 else 0.0
-    hot["low_b"] = -min(b, pushed_b / hot["bb"]) if b > 0.0 and cold["impact_b"] == 0.0 else 0.0
+    hot["low_a"] = -a
+    hot["low_b"] = -b
     hot["spent_n"], hot["spent_t"] = a + b, t
     hot["wa"] = after(cold["gap_a"], a, cold["impact_a"], restitution)
     hot["wb"] = after(cold["gap_b"], b, cold["impact_b"], restitution)
@@ -239,11 +262,12 @@ def turn_over(hot, cold, bodies, h, mu, restitution):
 
 
 @device
-def strike(hot, cold, restitution):
+def strike(hot, cold, bodies, restitution):
     """From the velocity pass before an impact to that of the impact: it has a budget of friction of its own."""
+    ua, ub, _ = speeds(hot, bodies.motion)
     hot["low_a"] = hot["low_b"] = hot["spent_n"] = hot["spent_t"] = 0.0
     if cold["impact_a"] != 0.0:
-        hot["wa"] = restitution * cold["impact_a"]
+        hot["wa"] = restitution * min(ua, 0.0)
     if cold["impact_b"] != 0.0:
-        hot["wb"] = restitution * cold["impact_b"]
+        hot["wb"] = restitution * min(ub, 0.0)
     hot["a"] = hot["b"] = hot["t"] = 0.0

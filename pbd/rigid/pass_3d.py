@@ -7,21 +7,19 @@ import math
 from pbd.collision.frames import cross
 from pbd.jit import device
 from pbd.rigid import block_3d as at
-from pbd.rigid.block_3d import both_motions, speed_along, twist_speed
+from pbd.rigid.block_3d import both_motions, push_bodies, speed_along, twist_speed
 from pbd.rigid.closing import CLOSED, after, closing, opening
-from pbd.rigid.inverse_3d import set_inverse
+from pbd.rigid.inverse_3d import has_changed, set_inverse
 from pbd.rigid.turning import to_world
 from pbd.vector import add, dot, scale, subtract
-
-SAME = 1e-4
-"""Weights that have changed by less than this share are the same for K^-1."""
 
 
 @device
 def refresh(rows, c, bodies, weights, column):
     """Directions, arms, gaps and K's diagonal at the present pose.
 
-    Friction acts where the normal forces do, which stand in ``weights`` from ``column`` on.
+    Friction acts where the normal forces do, which stand in ``weights`` from ``column`` on. Both bodies are pushed at
+    one place, or a contact that slides would make angular momentum.
     """
     i, j, points = rows.pair[c, 0], rows.pair[c, 1], rows.pair[c, 2]
     row, local = rows.row, rows.local
@@ -36,24 +34,24 @@ def refresh(rows, c, bodies, weights, column):
         bodies.x[1][j] - bodies.x[1][i],
         bodies.x[2][j] - bodies.x[2][i],
     )
-    changed = False
     for k in range(points):
         ri, rj = arms(rows, c, bodies, i, j, k, normal)
         rows.gap[c, k] = dot(normal, between) + dot(normal, rj) - dot(normal, ri)
+        ri, rj = at_one_place(rows, c, between, ri, rj)
         set_arms(row, c, at.ARMS + 12 * k, bodies, i, j, cross(ri, normal), cross(rj, normal))
-        changed |= set_weight(row, c, at.INVERSE + k, inverse_weight(row, c, bodies, i, j, at.ARMS + 12 * k))
+        row[c, at.INVERSE + k] = inverse_weight(row, c, bodies, i, j, at.ARMS + 12 * k)
     for k in range(points, at.POINTS):
         row[c, at.INVERSE + k] = 0.0
-    middle_i, middle_j = middle(rows, c, bodies, normal, weights, column)
-    changed |= set_friction(rows, c, bodies, i, j, (normal, tangent, binormal), middle_i, middle_j)
-    if changed:
+    middle_i, middle_j = middle(rows, c, bodies, (normal, between), weights, column)
+    set_friction(rows, c, bodies, i, j, (normal, tangent, binormal, between), middle_i, middle_j)
+    if has_changed(row, c, points, bodies.motion[i, 6] + bodies.motion[j, 6]):
         set_inverse(rows, c, bodies, points)
 
 
 @device
-def middle(rows, c, bodies, normal, weights, column):
+def middle(rows, c, bodies, place, weights, column):
     """Arms of the contact's middle: the mean of its points by their forces, or where there are none of the nearest."""
-    i, j, points = rows.pair[c, 0], rows.pair[c, 1], rows.pair[c, 2]
+    i, j, points, normal = rows.pair[c, 0], rows.pair[c, 1], rows.pair[c, 2], place[0]
     total, least = 0.0, rows.gap[c, 0]
     for k in range(points):
         total += weights[c, column + k]
@@ -66,20 +64,20 @@ def middle(rows, c, bodies, normal, weights, column):
     mi, mj = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(points):
         rows.share[c, k] /= count
-        ri, rj = arms(rows, c, bodies, i, j, k, normal)
+        ri, rj = at_one_place(rows, c, place[1], *arms(rows, c, bodies, i, j, k, normal))
         mi, mj = add(mi, scale(rows.share[c, k], ri)), add(mj, scale(rows.share[c, k], rj))
     return mi, mj
 
 
 @device
 def set_friction(rows, c, bodies, i, j, basis, middle_i, middle_j):
-    """Rows of slip and twist at the contact's middle; whether their weights have changed."""
+    """Rows of slip and twist at the contact's middle."""
     row, points, binormals = rows.row, rows.pair[c, 2], at.SLIP + 12
-    normal, tangent, binormal = basis
+    normal, tangent, binormal, between = basis
     set_arms(row, c, at.SLIP, bodies, i, j, cross(middle_i, tangent), cross(middle_j, tangent))
     set_arms(row, c, binormals, bodies, i, j, cross(middle_i, binormal), cross(middle_j, binormal))
-    changed = set_weight(row, c, at.INVERSE + 4, inverse_weight(row, c, bodies, i, j, at.SLIP))
-    changed |= set_weight(row, c, at.INVERSE + 5, inverse_weight(row, c, bodies, i, j, binormals))
+    row[c, at.INVERSE + 4] = inverse_weight(row, c, bodies, i, j, at.SLIP)
+    row[c, at.INVERSE + 5] = inverse_weight(row, c, bodies, i, j, binormals)
     coupling = 0.0
     for k in range(3):
         coupling += row[c, at.SLIP + k] * row[c, binormals + 6 + k]
@@ -89,24 +87,12 @@ def set_friction(rows, c, bodies, i, j, basis, middle_i, middle_j):
     weight = 0.0
     for k in range(3):
         weight += normal[k] * (row[c, at.TWIST + 6 + k] + row[c, at.TWIST + 9 + k])
-    changed |= set_weight(row, c, at.INVERSE + 6, 1.0 / weight if weight > 0.0 else 0.0)
+    row[c, at.INVERSE + 6] = 1.0 / weight if weight > 0.0 else 0.0
     for k in range(points):
-        ri, _ = arms(rows, c, bodies, i, j, k, normal)
+        ri, _ = at_one_place(rows, c, between, *arms(rows, c, bodies, i, j, k, normal))
         away = subtract(ri, middle_i)
         high = dot(away, normal)
         row[c, at.DISTANCE + k] = math.sqrt(max(dot(away, away) - high * high, 0.0))
-    return changed
-
-
-@device
-def set_weight(row, c, column, value):
-    """Store an inverse weight; whether it has changed so much that K^-1 no longer serves.
-
-    An old K^-1 costs sweeps, not accuracy: the speeds it acts on are those of the present pose.
-    """
-    old = row[c, column]
-    row[c, column] = value
-    return abs(value - old) > SAME * old
 
 
 @device
@@ -132,6 +118,12 @@ def arms(rows, c, bodies, i, j, k, normal):
     else:
         rj = to_world(bodies.frame, j, (local[c, column + 3], local[c, column + 4], local[c, column + 5]))
     return ri, rj
+
+
+@device
+def at_one_place(rows, c, between, ri, rj):
+    """Arms of a contact point, from the point on the body that does not own the normal."""
+    return (add(between, rj), rj) if rows.feature[c, 4] == 0 else (ri, subtract(ri, between))
 
 
 @device
@@ -175,7 +167,7 @@ def contact_speeds(rows, c, bodies):
 
 @device
 def foresee(rows, c, bodies, h, limits):
-    """Set the bias of a position pass; returns when within h the contact closes in an impact, or inf."""
+    """Set the bias of a position pass; returns when within h the contact closes in an impact, or inf; and its gap."""
     most_push, rest, rate = limits
     i, j, row, points, inverse = rows.pair[c, 0], rows.pair[c, 1], rows.row, rows.pair[c, 2], 1.0 / h
     v = both_motions(bodies.motion, i, j)
@@ -185,7 +177,7 @@ def foresee(rows, c, bodies, h, limits):
         row[c, at.SPENT + k] = 0.0
     bend_i, bend_j = bending(bodies, i, h), bending(bodies, j, h)
     normal = row[c, 0], row[c, 1], row[c, 2]
-    when, mean = math.inf, (0.0, 0.0, 0.0)
+    when, least, mean = math.inf, math.inf, (0.0, 0.0, 0.0)
     for k in range(points):
         ri, rj = arms(rows, c, bodies, i, j, k, normal)
         bent = subtract(bent_arm(bend_j, rj), bent_arm(bend_i, ri))
@@ -193,13 +185,26 @@ def foresee(rows, c, bodies, h, limits):
         bend, gap = dot(normal, bent), rows.gap[c, k]
         speed = speed_along(row, c, at.NORMAL, at.ARMS + 12 * k, v) + bend * inverse
         closes, rows.impact[c, k] = closing(gap, rows.before[c, k], speed, h, rest)
-        when = min(when, closes)
+        when, least = min(when, closes), min(least, gap)
         row[c, at.BIAS + k] = opening(gap, bend, inverse, rate, most_push)
     tangent, binormal = (row[c, 3], row[c, 4], row[c, 5]), (row[c, 6], row[c, 7], row[c, 8])
     row[c, at.BIAS + 4] = rows.drift[c, 0] * rate + dot(tangent, mean) * inverse
     row[c, at.BIAS + 5] = rows.drift[c, 1] * rate + dot(binormal, mean) * inverse
     row[c, at.BIAS + 6] = rows.drift[c, 2] * rate
-    return when
+    return when, least
+
+
+@device
+def relieve(rows, c, bodies, depth):
+    """After a position pass: take back what it pushed if the contact overlapped by more than ``depth``."""
+    row, points, deep = rows.row, rows.pair[c, 2], False
+    for k in range(points):
+        deep |= rows.gap[c, k] < -depth
+    if deep:
+        for r in range(7):
+            row[c, at.CHANGE + r] = -row[c, at.IMPULSE + r]
+            row[c, at.IMPULSE + r] = 0.0
+        push_bodies(row, c, points, bodies.motion, rows.pair[c, 0], rows.pair[c, 1], at.CHANGE)
 
 
 @device
@@ -246,8 +251,7 @@ def turn_over(rows, c, bodies, h, friction, restitution):
     for k in range(points):
         spent, impact = row[c, at.IMPULSE + k], rows.impact[c, k]
         rows.before[c, k] = spent
-        pushed = max(-row[c, at.BIAS + k], 0.0) * row[c, at.INVERSE + k]
-        row[c, at.LOW + k] = -min(spent, pushed) if impact == 0.0 else 0.0
+        row[c, at.LOW + k] = -spent
         row[c, at.BIAS + k] = after(rows.gap[c, k], spent, impact, restitution)
     for r in range(7):
         row[c, at.IMPULSE + r] = 0.0
@@ -256,13 +260,13 @@ def turn_over(rows, c, bodies, h, friction, restitution):
 
 
 @device
-def strike(rows, c, restitution):
+def strike(rows, c, bodies, restitution):
     """From the velocity pass before an impact to that of the impact: it has a budget of friction of its own."""
-    row = rows.row
+    row, v = rows.row, both_motions(bodies.motion, rows.pair[c, 0], rows.pair[c, 1])
     for k in range(rows.pair[c, 2]):
         row[c, at.LOW + k] = 0.0
         if rows.impact[c, k] != 0.0:
-            row[c, at.BIAS + k] = restitution * rows.impact[c, k]
+            row[c, at.BIAS + k] = restitution * min(speed_along(row, c, at.NORMAL, at.ARMS + 12 * k, v), 0.0)
     for k in range(5):
         row[c, at.SPENT + k] = 0.0
     for r in range(7):

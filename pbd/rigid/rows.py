@@ -52,7 +52,7 @@ def warm_start_row(rows, c, bodies, h):
 
 @stage(required=True)
 def foresee_row(rows, c, bodies, h, limits):
-    """Prepare the position pass; returns when within h the contact closes in an impact, else inf."""
+    """Prepare the position pass; returns when within h the contact closes in an impact, else inf; and its gap."""
 
 
 @stage(required=True)
@@ -61,12 +61,17 @@ def project_row(rows, c, bodies, friction):
 
 
 @stage(required=True)
+def relieve_row(rows, c, bodies, depth):
+    """Take back what the position pass pushed, if the contact overlapped by more than ``depth``."""
+
+
+@stage(required=True)
 def turn_over_row(rows, c, bodies, h, friction, restitution):
     """From the position pass to the velocity pass; impacts are not in it if ``restitution`` is below 0."""
 
 
 @stage(required=True)
-def strike_row(rows, c, restitution):
+def strike_row(rows, c, bodies, restitution):
     """From the velocity pass before an impact to that of the impact."""
 
 

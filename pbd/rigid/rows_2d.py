@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.rigid.detect_2d import detect_pair
-from pbd.rigid.pass_2d import foresee, project_contact, push, refresh, speeds, strike, turn_over
+from pbd.rigid.pass_2d import foresee, project_contact, push, refresh, relieve, speeds, strike, turn_over
 
 
 def record(whole: str, real: str) -> np.dtype:
@@ -26,12 +26,13 @@ sweep's change, and the conjugate direction; K."""
 
 COLD = record(
     "plane owner feature_a feature_b",
-    "local_nx local_ny iax iay ibx iby jax jay jbx jby gap_a gap_b share slip rest_a rest_b rest_t force_a force_b force_t"
-    " impact_a impact_b",
+    "local_nx local_ny iax iay ibx iby jax jay jbx jby gap_a gap_b share slip rest_a rest_b rest_t force_a force_b"
+    " force_t impact_a impact_b",
 )
 """The plane, or -1; in whose frame the normal is fixed (0: i, 1: j), and the normal there; arms of both points in both
-frames; gaps [m]; how much of the contact is at b; what a sticking contact has slipped [m]: to be undone; speeds at the start of the sub-step, then the
-impulses of its position pass; forces of the last velocity pass [N]; speeds of impacts [m/s], 0 for none."""
+frames; gaps [m]; how much of the contact is at b; what a sticking contact has slipped [m]: to be undone; speeds at the
+start of the sub-step, then the impulses of its position pass; forces of the last velocity pass [N]; speeds of impacts
+[m/s], 0 for none."""
 
 KEPT = record("i j plane feature_a feature_b", "force_a force_b force_t slip")
 """What a contact remembers while pairs are sought anew."""
@@ -111,11 +112,14 @@ class Rows2(NamedTuple):
             hot["t"] += t
             push(hot, bodies.motion, a, b, t)
 
+    def relieve_row(self, c, bodies, depth):
+        relieve(self.hot[c], self.cold[c], bodies.motion, depth)
+
     def turn_over_row(self, c, bodies, h, mu, restitution):
         turn_over(self.hot[c], self.cold[c], bodies, h, mu, restitution)
 
-    def strike_row(self, c, restitution):
-        strike(self.hot[c], self.cold[c], restitution)
+    def strike_row(self, c, bodies, restitution):
+        strike(self.hot[c], self.cold[c], bodies, restitution)
 
     def settle_row(self, c, h, steady):
         hot, cold = self.hot[c], self.cold[c]

@@ -10,7 +10,7 @@ from pbd.jit import device
 from pbd.rigid import block_3d as at
 from pbd.rigid.block_3d import COLUMNS, POINTS, ROWS, push_bodies, solve_block
 from pbd.rigid.detect_3d import detect
-from pbd.rigid.pass_3d import contact_speeds, foresee, refresh, strike, turn_over
+from pbd.rigid.pass_3d import contact_speeds, foresee, refresh, relieve, strike, turn_over
 
 
 class Rows3(NamedTuple):
@@ -52,8 +52,7 @@ class Rows3(NamedTuple):
         self.pair[c, 0], self.pair[c, 1], self.pair[c, 2], self.pair[c, 3] = i, j, 0, plane
         for k in range(6):
             self.feature[c, k] = -1
-        for r in range(ROWS):
-            self.row[c, at.INVERSE + r] = 0.0
+        self.row[c, at.PROBES] = 0.0
         for r in range(ROWS):
             self.force[c, r] = 0.0
         for r in range(3):
@@ -119,11 +118,14 @@ class Rows3(NamedTuple):
         if share != 0.0:
             push_bodies(row, c, self.pair[c, 2], bodies.motion, self.pair[c, 0], self.pair[c, 1], at.CHANGE)
 
+    def relieve_row(self, c, bodies, depth):
+        relieve(self, c, bodies, depth)
+
     def turn_over_row(self, c, bodies, h, friction, restitution):
         turn_over(self, c, bodies, h, friction, restitution)
 
-    def strike_row(self, c, restitution):
-        strike(self, c, restitution)
+    def strike_row(self, c, bodies, restitution):
+        strike(self, c, bodies, restitution)
 
     def settle_row(self, c, h, steady):
         if steady:
