@@ -138,7 +138,7 @@ def project_contact(hot, motion, mu):
     """One projection: solve the contact exactly for the present velocities of all else.
 
     Most stick, or do not touch; only for the others the cases are gone through. Returns the squares of the change and
-    of the impulses in the norm of K: that of the change d is -d.w where the contact sticks, about that elsewhere.
+    of the impulses in the norm of K: that of the change d is -d.w where the contact sticks.
     """
     ua, ub, ut = speeds(hot, motion)
     ua, ub, ut = ua + hot["wa"], ub + hot["wb"], ut + hot["wt"]
@@ -152,12 +152,15 @@ def project_contact(hot, motion, mu):
     dt = -(hot["iat"] * ua + hot["ibt"] * ub + hot["itt"] * ut)
     limit = mu * (a + da + b + db + hot["spent_n"])
     sticks = a + da >= hot["low_a"] and b + db >= hot["low_b"] and abs(t + dt + hot["spent_t"]) <= limit
+    changed = -(da * ua + db * ub + dt * ut)
     if not sticks:
         da, db, dt = change_by_cases(hot, mu, ua, ub, ut)
+        changed = hot["aa"] * da * da + hot["bb"] * db * db + hot["tt"] * dt * dt
+        changed += 2.0 * (hot["ab"] * da * db + hot["at"] * da * dt + hot["bt"] * db * dt)
     a, b, t = a + da, b + db, t + dt
     hot["a"], hot["b"], hot["t"], hot["da"], hot["db"], hot["dt"] = a, b, t, da, db, dt
     push(hot, motion, da, db, dt)
-    return abs(da * ua + db * ub + dt * ut), (a + b) * (a + b) * hot["aa"]
+    return changed, (a + b) * (a + b) * hot["aa"]
 
 
 @device
