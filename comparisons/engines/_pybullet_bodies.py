@@ -10,14 +10,12 @@ import numpy as np
 from comparisons.bodies import Bodies
 from comparisons.engines._body_checks import check_bodies
 from comparisons.engines._pybullet_body_world import BodyWorld, in_space, radius
+from comparisons.engines._synchronised import synchronised
 from comparisons.scene import Scene
 from comparisons.trajectory import Trajectory, from_samples
 
 MAX_FRICTION = 10.0
 """Bullet cuts a pair's coefficient to it, silently."""
-
-IMPACT = 10.0
-"""A body whose velocity a step changes by more than this many times gravity's share was hit."""
 
 MAX_TURN = 0.25 * np.pi
 """Of a body within one step [rad]: what spins faster is turned by a wrong angle, silently."""
@@ -43,7 +41,7 @@ def runner(client: int, scene: Scene, settings: Any) -> Callable[[], Trajectory]
     import pybullet as bullet
 
     world = BodyWorld(client, scene, settings)
-    half_kick, kick = settings.half_kick, settings.dt * np.array([*in_space(scene.gravity), 0.0, 0.0, 0.0])
+    half_kick, kick = settings.half_kick, settings.dt * np.array(in_space(scene.gravity))
     if half_kick:
         _half_kick(world, settings.dt)
     step, read, force = bullet.stepSimulation, world.read, world.force
@@ -76,15 +74,6 @@ def _half_kick(world: BodyWorld, dt: float) -> None:
     before = world.start.copy()
     before[:, 7:] = 2.0 * world.start[:, 7:] - world.read()[:, 7:]
     world.write(before)
-
-
-def synchronised(before: np.ndarray, after: np.ndarray, kick: np.ndarray) -> np.ndarray:
-    """Rates (n, 6) at a step, from those half a step before and after it, and from what gravity adds in a step (6,).
-
-    They are the mean; of a body that was hit the rates after, less half a kick, as the mean would be nearly at rest.
-    """
-    hit = np.linalg.norm((after - before)[:, :3], axis=1) > IMPACT * np.linalg.norm(kick)
-    return np.where(hit[:, None], after - 0.5 * kick, 0.5 * (before + after))
 
 
 def _trajectory(scene: Scene, states: np.ndarray, forces: np.ndarray, steps: int) -> Trajectory:

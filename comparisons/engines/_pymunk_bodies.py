@@ -18,14 +18,12 @@ from typing import Any
 import numpy as np
 
 from comparisons.bodies import Box
+from comparisons.engines._synchronised import synchronised
 from comparisons.scene import Scene
 from comparisons.trajectory import Trajectory, from_samples
 
 REACH = 10.0
 """Half the width of a plane's polygon, over the farthest that anything is and goes in free flight."""
-
-IMPACT = 10.0
-"""A body whose velocity a step changes by more than this many times gravity's share was hit."""
 
 
 def prepare(scene: Scene, settings: Any) -> Callable[[], Trajectory]:
@@ -48,7 +46,7 @@ def prepare(scene: Scene, settings: Any) -> Callable[[], Trajectory]:
             step(dt)
             now = read()
             if before is not None:
-                now[1] = _synchronised(before[1], now[1], scene.gravity, dt)
+                now[1] = synchronised(before[1], now[1], dt * scene.gravity)
             states[k][:, free] = now
             forces[k] = force() / dt
         return _trajectory(scene, states, forces, every * scene.samples)
@@ -143,16 +141,6 @@ def _half_kick(space: Any, dt: float) -> None:
     bias, space.collision_bias = space.collision_bias, 1.0
     space.step(0.5 * dt)
     space.collision_bias = bias
-
-
-def _synchronised(before: np.ndarray, after: np.ndarray, gravity: np.ndarray, dt: float) -> np.ndarray:
-    """Rates (n, 3) at a step from those half a step before and after it.
-
-    They are the mean; of a body that was hit the rates after, less half a kick, as the mean would be nearly at rest.
-    """
-    kick = dt * np.array([*gravity, 0.0])
-    hit = np.abs(after - before)[:, :2].max(axis=1) > IMPACT * np.abs(kick).max()
-    return np.where(hit[:, None], after - 0.5 * kick, 0.5 * (before + after))
 
 
 def _reader(space: Any, count: int) -> Callable[[], np.ndarray]:

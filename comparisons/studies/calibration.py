@@ -130,7 +130,9 @@ def run(
     finally:
         if workers is None:
             pool.__exit__()
-    rows = [_row(*which, found) for which, found in zip(asked, groups, strict=True)]
+    answers = list(zip(asked, groups, strict=True))
+    answering = {which[1] for which, found in answers if found[-1].status.code != "unsupported"}
+    rows = [_row(*which, found) for which, found in answers if which[1] in answering]
     return Study(
         kind="calibration",
         title="Every engine on problems with a known answer",
@@ -141,7 +143,10 @@ def run(
         panels=[],
         series=[],
         records=[record for found in groups for record in found],
-        omissions=[Omission(name, f"{name} is not installed", remedies[name]) for name in names if remedies[name]],
+        omissions=[
+            *(Omission(name, f"{name} is not installed", remedies[name]) for name in names if remedies[name]),
+            *(Omission(name, "it has no particles", "") for name in present if name not in answering),
+        ],
         tables=[
             Table(title="The same questions to every engine", columns=COLUMNS, rows=rows),
             Table(title="What only one engine shows", columns=OWN_COLUMNS, rows=[_own(*one) for one in own]),

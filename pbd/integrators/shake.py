@@ -80,6 +80,9 @@ class Shake:
     def bind(self, problem: Problem) -> Leapfrog:
         """The kernel's integrator; refuses what would spoil its order."""
         for batch in problem.batches:
+            if not is_empty(batch) and not hasattr(batch, "evaluate"):
+                reason = f"{type(batch).__name__} has no evaluate(), whose gradients are frozen"
+                raise InvalidInput("settings.integrator", "shake", "euler", reason)
             if not is_empty(batch) and not is_rigid_equality(batch):
                 reason = f"{type(batch).__name__} is soft or one-sided; its step is Euler's"
                 raise InvalidInput("settings.integrator", "shake", "euler, or rigid equality constraints", reason)

@@ -167,3 +167,9 @@ def test_the_command_takes_no_scene(monkeypatch, capsys, study):
     assert cli.main(["calibration", "--set", "scene.links=2"]) == cli.BAD_INPUT
     with pytest.raises(SystemExit):
         cli.main(["calibration", "pendulum_chain"])
+
+
+def test_engines_that_step_no_particles_are_named_not_asked():
+    study = calibration.run(engines=["symplectic_euler", "rattle"], quiet=True)
+    assert {row[0] for row in study.tables[0].rows} == {"symplectic Euler"}
+    assert [(omission.engine, omission.reason) for omission in study.omissions] == [("rattle", "it has no particles")]

@@ -361,3 +361,12 @@ def test_a_pile_never_gains_energy(d, seed):
     subject = Subject(trajectory, scene)
     assert np.diff(subject.energy).max() <= 1e-6 * subject.energy_scale
     assert subject.kinetic[-1] <= 1e-6 * subject.energy_scale
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_many_sweeps_do_no_harm_in_space(seed):
+    """K^-1 of a contact must be of its own pose and points: one that had aged made sweeps diverge, to 1e95 J."""
+    settings = (("substeps", 20), ("iterations", 100), ("velocity_iterations", 100))
+    trajectory, scene = motion("pile", settings=settings, dimension=3, count=30, seed=seed, samples=180)
+    subject = Subject(trajectory, scene)
+    assert np.diff(subject.energy).max() <= 1e-6 * subject.energy_scale
