@@ -1,0 +1,1 @@
+"""Fluids: smoothing kernels, the neighbour search, and density as a constraint."""

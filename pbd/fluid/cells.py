@@ -1,0 +1,265 @@
+"""The neighbour search of fluids: particles sorted into cells, and the candidates of a cell side by side in memory.
+
+A cell is h wide, but along x only h/FINE, so that the candidates of one - what lies within FINE cells along x and one
+along the other axes - fill 2.5 h instead of 3 h along x. Cells that follow each other along x follow each other in
+memory; candidates are 3 pieces of sorted arrays in 2D and 9 in 3D, copied side by side, and the end filled with points
+so far away that nothing reaches them. There is no list of neighbours: distances from copied candidates, a whole
+register of them at once, cost less than positions fetched through indices.
+
+The grid moves with the particles and covers their bounds as far as its cells suffice; what lies outside stands in its
+outermost cells, which keeps neighbours neighbours. No position, not even one that is no number, leads out of memory.
+Two particles are each other's candidates or neither's, whatever they did since they were sorted: momentum is kept.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pbd.fluid.lanes import lanes, put_lanes, width
+from pbd.intrinsics import typed
+from pbd.jit import device
+from pbd.routine import routine
+from pbd.vector import aligned, like
+
+FINE = 2
+"""Cells along x in a length h."""
+
+MARGIN = 2
+"""Free cells at the ends of each axis, >= FINE: the candidates of outermost cells lie within the arrays."""
+
+PADDING = 64
+"""Elements after the end of sorted arrays and of candidates, which whole registers may read and write."""
+
+FAR = 1e15
+"""[m] Where the points are that fill up the candidates; the square of it is finite in single precision."""
+
+CELLS_PER_PARTICLE, LEAST_CELLS = 4, 4096
+
+
+class Cells(NamedTuple):
+    """Particles in cells; all arrays are filled by `sort`.
+
+    inverse : cells in a metre along each axis, a tuple
+    members (n,) : the particles that are sorted
+    particle (n,) : them in sorted order
+    cell (n,) : the cell of each member
+    start (c + 2,) : sorted places start[k] to start[k + 1] are in cell k
+    strides (d,) : from cell to cell along each axis; counts (d,) cells along it
+    low (d,) : the grid's lower corner [m]; high (d,) the bounds of the particles there
+    last (1,) : no cell from this one on holds a particle; 0 where a position is not finite
+    near : candidates, d stores of positions and as many as are asked for of other numbers
+    """
+
+    inverse: tuple
+    members: np.ndarray
+    particle: np.ndarray
+    cell: np.ndarray
+    start: np.ndarray
+    strides: np.ndarray
+    counts: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    last: np.ndarray
+    near: tuple
+
+
+def new_cells(members: np.ndarray, dimension: int, h: float, more: int) -> Cells:
+    """Room for the members and candidates with ``more`` numbers beside their positions."""
+    n = len(members)
+    cells = max(CELLS_PER_PARTICLE * n, LEAST_CELLS)
+    whole = [np.zeros(dimension, dtype=np.int64) for _ in range(2)]
+    return Cells(
+        (FINE / h,) + (1.0 / h,) * (dimension - 1),
+        aligned(members, np.uint32),
+        np.zeros(n, dtype=np.uint32),
+        np.zeros(n, dtype=np.uint32),
+        np.zeros(cells + 2, dtype=np.uint32),
+        *whole,
+        np.zeros(dimension),
+        np.zeros(dimension),
+        np.zeros(1, dtype=np.int64),
+        tuple(np.zeros(n + PADDING) for _ in range(dimension + more)),
+    )
+
+
+def sorted_array(n: int) -> np.ndarray:
+    """A number for each sorted particle, and room that whole registers may read."""
+    return np.zeros(n + PADDING)
+
+
+# ------------------------------------------------------------------ sorting
+
+
+@routine
+def sort(cells, x):
+    """Sort the members by their cells at positions x."""
+    cells.last[0] = 0
+    if not bounded(cells, x):
+        return
+    lay(cells, x)
+    count(cells, x)
+    fill(cells)
+    cells.last[0] = cells.strides[-1] * (cells.counts[-1] + MARGIN)
+
+
+@device
+def bounded(cells, x):
+    """Find the bounds of the members; False where one is not finite, or there is none."""
+    members = cells.members
+    for axis in range(len(x)):
+        low = high = x[axis][members[0]]
+        sound = low - low
+        for i in range(members.shape[0]):
+            value = x[axis][members[i]]
+            low, high = min(low, value), max(high, value)
+            sound += value - value
+        cells.low[axis], cells.high[axis] = low, high
+        if not sound == like(sound, 0.0):
+            return False
+    return True
+
+
+@device
+def lay(cells, x):
+    """Lay the grid over the bounds; where its cells do not suffice, over the part of them that holds most particles."""
+    room = cells.start.shape[0] - 2
+    while spread(cells, room) > room:
+        longest = 0
+        for axis in range(1, len(x)):
+            longest = axis if cells.counts[axis] > cells.counts[longest] else longest
+        halve(cells, x, longest)
+    stride = 1
+    for axis in range(len(x)):
+        cells.strides[axis] = stride
+        stride *= cells.counts[axis] + 2 * MARGIN
+
+
+@device
+def spread(cells, room):
+    """Set the cells along each axis between the bounds; how many that makes, with the free ones at the ends."""
+    whole = 1.0
+    for axis in range(len(cells.inverse)):
+        wide = (cells.high[axis] - cells.low[axis]) * cells.inverse[axis]
+        cells.counts[axis] = int(min(wide, like(wide, room))) + 1
+        whole *= cells.counts[axis] + 2 * MARGIN
+    return whole
+
+
+@device
+def halve(cells, x, axis):
+    """Go on with the half of the bounds along an axis in which more particles are."""
+    half = like(cells.low[axis], 0.5)
+    middle = half * cells.low[axis] + half * cells.high[axis]
+    above, below = 0, 0
+    for i in range(cells.members.shape[0]):
+        value = x[axis][cells.members[i]]
+        above += middle < value <= cells.high[axis]
+        below += cells.low[axis] <= value <= middle
+    if above > below:
+        cells.low[axis] = middle
+    else:
+        cells.high[axis] = middle
+
+
+@device
+def count(cells, x):
+    """Find the cell of each member, and how many are in each, two places on."""
+    start, total = cells.start, cells.strides[-1] * (cells.counts[-1] + 2 * MARGIN)
+    for c in range(total + 2):
+        start[c] = 0
+    for i in range(cells.members.shape[0]):
+        c = cell_of(cells, x, cells.members[i])
+        cells.cell[i] = c
+        start[c + 2] += 1
+    for c in range(1, total + 2):
+        start[c] += start[c - 1]
+
+
+@device
+def cell_of(cells, x, i):
+    """The cell of particle i, one of the outermost where it lies outside the grid or nowhere."""
+    c = 0
+    for axis in range(len(x)):
+        place = (x[axis][i] - cells.low[axis]) * cells.inverse[axis]
+        top = like(place, cells.counts[axis] - 1)
+        place = place if place > like(place, 0.0) else like(place, 0.0)
+        place = place if place < top else top
+        c += (int(place) + MARGIN) * cells.strides[axis]
+    return c
+
+
+@device
+def fill(cells):
+    """Write the members in sorted order; the starts move by one place meanwhile, to where they belong."""
+    for i in range(cells.members.shape[0]):
+        c = cells.cell[i] + 1
+        k = cells.start[c]
+        cells.start[c] = k + 1
+        cells.particle[k] = cells.members[i]
+
+
+# ------------------------------------------------------------------ candidates
+
+
+@device
+def gather(cells, x, values):
+    """values_k <- x of the k-th sorted particle."""
+    for axis in range(len(x)):
+        for k in range(cells.particle.shape[0]):
+            values[axis][k] = x[axis][cells.particle[k]]
+
+
+@device
+def pick(cells, c, values):
+    """Copy sorted values - positions first - of what may be within h of cell c to ``near``.
+
+    Returns how many there are, filled up to a multiple of the lanes.
+    """
+    found = 0
+    for row in range(3 ** (len(cells.inverse) - 1)):
+        middle = c + row_offset(cells, row)
+        first, last = cells.start[middle - FINE], cells.start[middle + FINE + 1]
+        copy_pieces(cells.near, found, values, first, last)
+        found += last - first
+    return close(cells, found)
+
+
+@device
+def row_offset(cells, row):
+    """From a cell to the one in the middle of row 0, ..., 3^(d-1) - 1 about it."""
+    offset = 0
+    for axis in range(1, len(cells.inverse)):
+        offset += (row % 3 - 1) * cells.strides[axis]
+        row //= 3
+    return offset
+
+
+def copy_pieces(near: tuple, found: int, values: tuple, first: int, last: int) -> None:
+    """near_found... <- values_first, ..., values_last-1, of each array, in whole registers."""
+    for target, source in zip(near, values):
+        target[found : found + last - first] = source[first:last]
+
+
+@typed(copy_pieces)
+def _copy_pieces(near: Any, found: Any, values: Any, first: Any, last: Any) -> Any:
+    if len(values) == 0:
+        return lambda near, found, values, first, last: None
+
+    def copy(near, found, values, first, last):
+        for k in range(first, last, width(values[0])):
+            put_lanes(near[0], found + k - first, lanes(values[0], k))
+        copy_pieces(near[1:], found, values[1:], first, last)
+
+    return copy
+
+
+@device
+def close(cells, found):
+    """Put points far away after the candidates, up to a multiple of the lanes."""
+    near = cells.near
+    for axis in range(len(cells.inverse)):
+        put_lanes(near[axis], found, like(near[axis][0], FAR))
+    step = width(near[0])
+    return (found + step - 1) // step * step
