@@ -53,7 +53,7 @@ def density(
     law : `Stiffness` or `Compliance` (without damping; alpha [1/J]) with one value for all and relation "at_most"
         (default) or "equality"
     omega : relaxation of the Jacobi iteration in (0, 2]
-    epsilon : softens the constraints, >= 0; a bulk particle's own sum of squares is 1.1 to 1.6 in its unit
+    epsilon : softens the constraints, >= 0, > 0 with an equality; a particle's own sum of squares is 1 to 2 in its unit
     normal, offset : walls n . y >= offset, (d,) or (m, d) and a number or (m,) [m], along the unit normal
     viscosity : c of XSPH in [0, 1]
     confinement : e of vorticity confinement, >= 0 [1/s]
@@ -75,7 +75,8 @@ def density(
     form = new_kernel(kernel, h, d)
     volume = spacing**d / lattice_sum(form, spacing, d)
     w, n = float(particles.w[chosen[0]]) if len(chosen) else 1.0, len(chosen)
-    softness = number("epsilon", epsilon, 0.0, math.inf, "finite and >= 0") * w / h**2
+    law = _law(law)
+    softness = _epsilon(epsilon, law) * w / h**2
     factor = number("viscosity", viscosity, 0.0, 1.0, "a number in [0, 1]") * volume * form.value
     return Density(
         kernel=form,
@@ -86,7 +87,7 @@ def density(
         inverse_mass=w,
         softness=softness,
         omega=number("omega", omega, 1e-6, 2.0, "a number >= 1e-06 and <= 2"),
-        law=_law(law),
+        law=law,
         unit=Unit(np.ones(1)),
         position=_sorted_store(n, d),
         velocity=_sorted_store(n, d),
@@ -134,6 +135,14 @@ def _law(law: Any) -> Any:
     if values.get("law.beta", 0.0) > 0.0:
         raise InvalidInput("law.beta", law.beta, "0 for a fluid", "viscosity damps it")
     return law
+
+
+def _epsilon(epsilon: float, law: Any) -> float:
+    epsilon = number("epsilon", epsilon, 0.0, math.inf, "finite and >= 0")
+    if epsilon == 0.0 and law.relation == "equality":
+        reason = "two particles at the kernel's edge have no gradient to draw them together with"
+        raise InvalidInput("epsilon", epsilon, "> 0 with an equality", reason)
+    return epsilon
 
 
 def _sorted_store(n: int, d: int) -> tuple:
