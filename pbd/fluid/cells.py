@@ -48,7 +48,7 @@ class Cells(NamedTuple):
     start (c + 2,) : sorted places start[k] to start[k + 1] are in cell k
     strides (d,) : from cell to cell along each axis; counts (d,) cells along it
     low (d,) : the grid's lower corner [m]; high (d,) the bounds of the particles there
-    last (1,) : no cell from this one on holds a particle; 0 where a position is not finite
+    last, placed (1,) : no cell from this one on holds a particle, and how many do; 0 where a position is not finite
     near : candidates, d stores of positions and as many as are asked for of other numbers
     """
 
@@ -62,6 +62,7 @@ class Cells(NamedTuple):
     low: np.ndarray
     high: np.ndarray
     last: np.ndarray
+    placed: np.ndarray
     near: tuple
 
 
@@ -80,6 +81,7 @@ def new_cells(members: np.ndarray, dimension: int, h: float, more: int) -> Cells
         np.zeros(dimension),
         np.zeros(dimension),
         np.zeros(1, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
         tuple(np.zeros(n + PADDING) for _ in range(dimension + more)),
     )
 
@@ -95,13 +97,14 @@ def sorted_array(n: int) -> np.ndarray:
 @routine
 def sort(cells, x):
     """Sort the members by their cells at positions x."""
-    cells.last[0] = 0
+    cells.last[0] = cells.placed[0] = 0
     if not bounded(cells, x):
         return
     lay(cells, x)
     count(cells, x)
     fill(cells)
     cells.last[0] = cells.strides[-1] * (cells.counts[-1] + MARGIN)
+    cells.placed[0] = cells.members.shape[0]
 
 
 @device

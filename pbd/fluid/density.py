@@ -28,11 +28,12 @@ from pbd.fluid.kernels import Poly6Spiky, Wendland
 from pbd.fluid.sums import density_sums, push_sums
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity, confine, smooth
-from pbd.fluid.walls import Walls, beside_walls, hold_back
+from pbd.fluid.walls import Walls, beside_walls, find_near, hold_back
+from pbd.intrinsics import multiply_add
 from pbd.jit import device
 from pbd.projection import increment, reset
 from pbd.routine import routine
-from pbd.vector import Store, accumulate, add, like, load, scale, store
+from pbd.vector import Store, accumulate, dot, like, load, scale, store
 
 
 class Unit(NamedTuple):
@@ -48,7 +49,8 @@ class Density(NamedTuple):
     inverse_mass : w [1/kg]; ``softness`` eps w/h^2 [1/(kg m^2)]; ``omega`` relaxation
     law : how stiffly the constraints are enforced, `Stiffness` or `Compliance`
     position, velocity : stores of (n + PADDING,); ``multiplier`` (n + PADDING,) L = omega w l [m^2]
-    gradient : store of (n,) grad_i C_i [1/m]; ``density`` (n,) rho/rho0 at the start of the last iteration
+    gradient, push : stores of (n,), grad_i C_i [1/m] and sum_j L_j g (x_i - x_j)
+    density, weight : (n,) rho/rho0 at the start of the last iteration, and sum_j |grad_j C_i|^2 of neighbours [1/m^2]
     """
 
     kernel: Wendland | Poly6Spiky
@@ -65,7 +67,9 @@ class Density(NamedTuple):
     velocity: Store
     multiplier: np.ndarray
     gradient: Store
+    push: Store
     density: np.ndarray
+    weight: np.ndarray
     repulsion: Repulsion | None
     viscosity: Viscosity | None
     confinement: Confinement | None
@@ -75,10 +79,7 @@ class Density(NamedTuple):
 
     def begin(self, state, h):
         reset(self.law)
-        p = state.particles.p
-        for k in range(self.cells.members.shape[0]):
-            hold_back(self.walls, p, self.cells.members[k])
-        sort(self.cells, p)
+        prepare(self, state.particles.p)
 
     def project(self, state, h):
         gather(self.cells, state.particles.p, self.position)
@@ -97,49 +98,77 @@ class Density(NamedTuple):
         return found[self.cells.members]
 
 
+@routine
+def prepare(fluid, p):
+    """Sort the particles, none of them within a wall, and find those beside walls."""
+    for k in range(fluid.cells.members.shape[0]):
+        hold_back(fluid.walls, p, fluid.cells.members[k])
+    sort(fluid.cells, p)
+    gather(fluid.cells, p, fluid.position)
+    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
+
+
 # ------------------------------------------------------------------ the two passes of an iteration
 
 
 @routine
 def find_multipliers(fluid, h):
     """L_i of all particles."""
-    for c in range(fluid.cells.last[0]):
-        first, last = fluid.cells.start[c], fluid.cells.start[c + 1]
-        if first < last:
-            count = pick(fluid.cells, c, fluid.position)
-            for k in range(first, last):
-                find_multiplier(fluid, k, count, h)
+    sum_densities(fluid)
+    for a in range(fluid.walls.found[0]):
+        k = fluid.walls.near[a]
+        filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
+        fluid.density[k] += filled
+        accumulate(fluid.gradient, k, like(filled, 1.0), pull)
+    for k in range(fluid.cells.placed[0]):
+        find_multiplier(fluid, k, h)
 
 
 @device
-def find_multiplier(fluid, k, count, h):
-    point = load(fluid.position, k)
-    value, slope, norm = density_sums(fluid.kernel, fluid.cells.near, count, point)
-    filled, pull = beside_walls(fluid.walls, point)
-    density = fluid.value * value + filled
-    gradient = add(scale(-fluid.slope, slope), pull)
-    squared = fluid.slope * fluid.slope * norm
-    for axis in range(len(gradient)):
-        squared += gradient[axis] * gradient[axis]
-    weight = fluid.inverse_mass * squared + fluid.softness
-    row = (0,), density - like(density, 1.0), (gradient,), (weight,)
-    change = increment(fluid.law, k, row, fluid.unit, h)
-    fluid.multiplier[k] = fluid.omega * fluid.inverse_mass * change
-    fluid.density[k] = density
-    store(fluid.gradient, k, gradient)
+def sum_densities(fluid):
+    """rho_i/rho0, grad_i C_i and the sum of |grad_j C_i|^2 of the neighbours, without walls."""
+    cells = fluid.cells
+    for c in range(cells.last[0]):
+        first, last = cells.start[c], cells.start[c + 1]
+        if first < last:
+            count = pick(cells, c, fluid.position)
+            for k in range(first, last):
+                sums = density_sums(fluid.kernel, cells.near, count, load(fluid.position, k))
+                fluid.density[k] = fluid.value * sums[0]
+                fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
+                store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
+
+
+@device
+def find_multiplier(fluid, k, h):
+    """L_k from the sums."""
+    gradient = load(fluid.gradient, k)
+    weight = fluid.inverse_mass * (fluid.weight[k] + dot(gradient, gradient)) + fluid.softness
+    row = (0,), fluid.density[k] - like(weight, 1.0), (gradient,), (weight,)
+    fluid.multiplier[k] = fluid.omega * fluid.inverse_mass * increment(fluid.law, k, row, fluid.unit, h)
 
 
 @routine
 def displace(fluid, p):
     """p_i <- p_i + dp_i for all particles, kept from entering walls."""
+    sum_pushes(fluid)
+    cells = fluid.cells
+    for k in range(cells.placed[0]):
+        i, change = cells.particle[k], fluid.multiplier[k]
+        for axis in range(len(p)):
+            moved = multiply_add(change, fluid.gradient[axis][k], fluid.position[axis][k])
+            p[axis][i] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
+    for a in range(fluid.walls.found[0]):
+        hold_back(fluid.walls, p, cells.particle[fluid.walls.near[a]])
+
+
+@device
+def sum_pushes(fluid):
+    """sum_j L_j g (x_i - x_j), with repulsion if there is any."""
     cells, values = fluid.cells, fluid.position + (fluid.multiplier,)
     for c in range(cells.last[0]):
         first, last = cells.start[c], cells.start[c + 1]
         if first < last:
             count = pick(cells, c, values)
             for k in range(first, last):
-                push = push_sums(fluid.kernel, fluid.repulsion, cells.near, count, load(fluid.position, k))
-                i = cells.particle[k]
-                accumulate(p, i, fluid.multiplier[k], load(fluid.gradient, k))
-                accumulate(p, i, -fluid.slope, push)
-                hold_back(fluid.walls, p, i)
+                store(fluid.push, k, push_sums(fluid.kernel, fluid.repulsion, cells.near, count, load(fluid.position, k)))

@@ -81,7 +81,7 @@ def density(
     return Density(
         kernel=form,
         cells=new_cells(chosen, d, h, d),
-        walls=new_walls(_planes(normal, offset, d), form, spacing, d),
+        walls=new_walls(_planes(normal, offset, d), form, spacing, d, n),
         value=volume * form.value,
         slope=volume * form.slope,
         inverse_mass=w,
@@ -93,7 +93,9 @@ def density(
         velocity=_sorted_store(n, d),
         multiplier=sorted_array(n),
         gradient=_sorted_store(n, d),
+        push=_sorted_store(n, d),
         density=np.zeros(n),
+        weight=np.zeros(n),
         repulsion=_repulsion(repulsion, form, h),
         viscosity=Viscosity(factor) if factor > 0.0 else None,
         confinement=_confinement(confinement, h, n, d),

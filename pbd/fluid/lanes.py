@@ -63,9 +63,12 @@ def inverse(a: Any) -> Any:
     return a.dtype.type(1) / a
 
 
-def total(a: Any) -> Any:
-    """The sum of the lanes, by halves."""
-    return a.sum()
+def totals(sums: tuple) -> tuple:
+    """The sum of the lanes of each, all of them at once: each step adds halves, and packs two results in one register.
+
+    Of four it takes 13 operations, where one after the other takes 32.
+    """
+    return tuple(lanes_.sum() for lanes_ in sums)
 
 
 # ------------------------------------------------------------------ compiled forms
@@ -215,22 +218,44 @@ def _reciprocal(typing_context, a):
 
 
 @intrinsic
-def _sum(typing_context, a):
+def _sums(typing_context, parts):
+    kind = parts.dtype
+    result = types.UniTuple(kind.dtype, len(parts))
+
     def generate(context, builder, signature, arguments):
-        value, count = arguments[0], a.count
-        while count > 1:
-            count //= 2
-            low, high = (_part(builder, value, first, count) for first in (0, count))
-            value = builder.fadd(low, high)
-        return builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
+        vectors = cgutils.unpack_tuple(builder, arguments[0], len(parts))
+        packed, group = _packed(builder, vectors, kind.count)
+        while group > 1:
+            group //= 2
+            packed = builder.fadd(packed, _picked(builder, packed, packed, [k ^ group for k in range(kind.count)]))
+        step = kind.count // _power(len(parts))
+        found = [builder.extract_element(packed, ir.Constant(ir.IntType(32), k * step)) for k in range(len(parts))]
+        return context.make_tuple(builder, result, found)
 
-    return a.dtype(a), generate
+    return result(parts), generate
 
 
-def _part(builder: Any, value: Any, first: int, count: int) -> Any:
-    """``count`` lanes from ``first`` on."""
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), count), list(range(first, first + count)))
-    return builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), mask)
+def _power(count: int) -> int:
+    """The smallest power of two that is not less."""
+    return 1 << (count - 1).bit_length()
+
+
+def _packed(builder: Any, vectors: list[Any], count: int) -> tuple[Any, int]:
+    """One vector with a group of lanes for each of several, in their order; a group's lanes are still to be added."""
+    group = count
+    vectors = vectors + [ir.Constant(vectors[0].type, [0.0] * count)] * (_power(len(vectors)) - len(vectors))
+    while len(vectors) > 1:
+        low = [k for k in range(2 * count) if k % group < group // 2]
+        high = [k + group // 2 for k in low]
+        pairs = zip(vectors[::2], vectors[1::2], strict=True)
+        vectors = [builder.fadd(_picked(builder, a, b, low), _picked(builder, a, b, high)) for a, b in pairs]
+        group //= 2
+    return vectors[0], group
+
+
+def _picked(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
+    """The lanes of a and b at these places."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(places)), places))
 
 
 @typed(width)
@@ -274,6 +299,6 @@ def _inverse(a: Any) -> Any:
     return lambda a: _reciprocal(a)  # type: ignore[call-arg]
 
 
-@typed(total)
-def _total(a: Any) -> Any:
-    return lambda a: _sum(a)  # type: ignore[call-arg]
+@typed(totals)
+def _totals(sums: Any) -> Any:
+    return lambda sums: _sums(sums)  # type: ignore[call-arg]

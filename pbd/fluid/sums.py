@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pbd.fluid.kernels import shape
-from pbd.fluid.lanes import fused, lanes, no_lanes, total, width
+from pbd.fluid.lanes import fused, lanes, no_lanes, totals, width
 from pbd.fluid.terms import attract
 from pbd.intrinsics import typed
 from pbd.jit import device
@@ -14,7 +14,7 @@ from pbd.vector import negate
 
 @device
 def density_sums(kernel, near, count, point):
-    """(sum w, sum g (x_i - x_j), sum g^2 |x_i - x_j|^2), see `pbd.fluid.kernels.shape`."""
+    """sum w, sum g^2 |x_i - x_j|^2, and the components of sum g (x_i - x_j); see `pbd.fluid.kernels.shape`."""
     value, norm, slope = no_lanes(near[0]), no_lanes(near[0]), nothing(point, near)
     for k in range(0, count, width(near[0])):
         apart = difference(point, near, k)
@@ -23,7 +23,7 @@ def density_sums(kernel, near, count, point):
         value = value + w
         norm = fused(g * g, squared, norm)
         slope = weighted(g, apart, slope)
-    return total(value), totals(slope), total(norm)
+    return totals((value, norm) + slope)
 
 
 @device
@@ -121,18 +121,6 @@ def _weighted(s: Any, a: Any, sums: Any) -> Any:
     if len(a) == 1:
         return lambda s, a, sums: (fused(s, a[0], sums[0]),)
     return lambda s, a, sums: (fused(s, a[0], sums[0]),) + weighted(s, a[1:], sums[1:])
-
-
-def totals(sums: tuple) -> tuple:
-    """The total of each."""
-    return tuple(total(sum_) for sum_ in sums)
-
-
-@typed(totals)
-def _totals(sums: Any) -> Any:
-    if len(sums) == 1:
-        return lambda sums: (total(sums[0]),)
-    return lambda sums: (total(sums[0]),) + totals(sums[1:])
 
 
 def cross(a: tuple, b: tuple) -> tuple:

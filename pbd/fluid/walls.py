@@ -33,7 +33,8 @@ TABLE = 512
 class Walls(NamedTuple):
     """The free side of all planes; ``filled`` is T and ``slope`` -dT/dt [1/m], (TABLE + 2,), at t = k reach/TABLE.
 
-    ``scale`` TABLE/reach [1/m], ``reach`` = h [m].
+    ``scale`` TABLE/reach [1/m], ``reach`` = h [m]; ``near`` (n,) are the sorted particles that may come within reach in
+    this sub-step, ``found`` (1,) of them.
     """
 
     planes: Planes
@@ -41,16 +42,19 @@ class Walls(NamedTuple):
     scale: float
     filled: np.ndarray
     slope: np.ndarray
+    near: np.ndarray
+    found: np.ndarray
 
 
-def new_walls(planes: Planes, kernel: Wendland | Poly6Spiky, spacing: float, dimension: int) -> Walls:
-    """Walls for particles with that spacing [m] under a kernel."""
+def new_walls(planes: Planes, kernel: Wendland | Poly6Spiky, spacing: float, dimension: int, count: int) -> Walls:
+    """Walls for that many particles with that spacing [m] under a kernel."""
     h = 1.0 / kernel.inverse
     t = np.linspace(0.0, h, TABLE + 2)[:, None]
     rows = t + (np.arange(math.ceil(h / spacing)) + 0.5) * spacing
     whole, drop = plane_integrals(kernel, np.minimum(rows, h), dimension)
     filled, slope = spacing * whole.sum(axis=1), spacing * drop.sum(axis=1)
-    return Walls(planes, h, (TABLE + 1) / h, filled, slope)
+    near, found = np.zeros(count, dtype=np.uint32), np.zeros(1, dtype=np.int64)
+    return Walls(planes, h, (TABLE + 1) / h, filled, slope, near, found)
 
 
 def plane_integrals(kernel: Wendland | Poly6Spiky, t: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarray]:
@@ -72,6 +76,19 @@ def plane_integrals(kernel: Wendland | Poly6Spiky, t: np.ndarray, dimension: int
     value, drop = profile(kernel, np.minimum(r, h))
     cosine = np.divide(t, r, out=np.zeros_like(r), where=r > 0.0)
     return (value * area).sum(axis=-1), (drop * cosine * area).sum(axis=-1)
+
+
+@device
+def find_near(walls, position, count):
+    """List the sorted particles within twice the reach of a wall."""
+    found, far = 0, like(walls.reach, 2.0) * walls.reach
+    for k in range(count):
+        near = False
+        for plane in range(walls.planes.offset.shape[0]):
+            near |= height(walls.planes, plane, load(position, k)) < far
+        walls.near[found] = k
+        found += near
+    walls.found[0] = found
 
 
 @device

@@ -10,7 +10,7 @@ from scipy.integrate import dblquad, quad
 
 from pbd.collision.plane import Planes
 from pbd.fluid.kernels import KERNELS, lattice_sum, new_kernel, profile
-from pbd.fluid.lanes import fused, inverse, lanes, no_lanes, positive, put_lanes, square_root, total, width
+from pbd.fluid.lanes import fused, inverse, lanes, no_lanes, positive, put_lanes, square_root, totals, width
 from pbd.fluid.walls import beside_walls, new_walls, plane_integrals
 from pbd.jit import kernel as compiled
 from pbd.vector import to_store
@@ -76,7 +76,7 @@ def test_integral_over_planes(name, d):
 
 
 def wall_of(form, spacing, d, normals):
-    return new_walls(Planes(to_store(np.array(normals, dtype=float)), np.zeros(len(normals))), form, spacing, d)
+    return new_walls(Planes(to_store(np.array(normals, dtype=float)), np.zeros(len(normals))), form, spacing, d, 1)
 
 
 @CASES
@@ -132,14 +132,15 @@ def mixed(a, out):
         part = lanes(a, k)
         sums = fused(part - a[0], 2.0 * part, sums) + square_root(part * part) + inverse(positive(part) + 1.0)
     put_lanes(out, 1, sums)
-    return total(sums)
+    return totals((sums, 2.0 * sums, -1.0 * sums))
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_lanes_do_what_numpy_does(dtype):
     a, out = np.random.default_rng(0).normal(size=64).astype(dtype), np.zeros(20, dtype=dtype)
     expected = (a - a[0]) * 2 * a + abs(a) + 1 / (np.maximum(a, 0) + 1)
-    assert mixed(a, out) == pytest.approx(expected.sum(), rel=20 * float(np.finfo(dtype).eps))
+    whole = expected.sum() * np.array([1.0, 2.0, -1.0])
+    assert mixed(a, out) == pytest.approx(whole, rel=20 * float(np.finfo(dtype).eps))
     count = 64 // a.itemsize
     assert out[1 : 1 + count] == pytest.approx(expected.reshape(-1, count).sum(axis=0), rel=20 * float(np.finfo(dtype).eps))
     assert out[0] == 0.0

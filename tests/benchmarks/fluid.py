@@ -1,0 +1,163 @@
+"""What a step of a fluid costs, stage by stage, and a dam break's error against its time.
+
+Run as ``python tests/benchmarks/fluid.py``. A dam break is run until its particles are in disorder; from that state
+each stage is then run in turn, and the minimum of the repeats counts. Single precision, 4 iterations, one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+
+import numpy as np
+
+import pbd
+from pbd.fluid.cells import gather, pick, sort
+from pbd.fluid.density import displace, find_multipliers
+from pbd.jit import kernel
+from pbd.projection import begin
+from pbd.state import State
+from pbd.vector import to_store
+
+G, ITERATIONS, COURANT = 9.81, 4, 0.16
+CASES = {"2D": ((100, 200), 2.5, 260.0, 180.0), "3D": ((24, 30, 50), 2.0, 700.0, 450.0)}
+"""Particles along each axis, h/spacing, goal and aim [ns a particle and step]."""
+
+REFERENCE = {1: 1.545, 2: 2.657}
+"""T -> front of the dam break [widths]."""
+
+
+@kernel
+def sorting(fluid, state, h, sweeps):
+    for _ in range(sweeps):
+        begin(fluid, state, h)
+
+
+@kernel
+def gathering(fluid, state, h, sweeps):
+    for _ in range(sweeps):
+        gather(fluid.cells, state.particles.p, fluid.position)
+
+
+@kernel
+def picking(fluid, state, h, sweeps):
+    """Candidates of all cells, nothing done with them; returns how many there are, filled up, a particle."""
+    found = 0
+    for _ in range(sweeps):
+        found = 0
+        for c in range(fluid.cells.last[0]):
+            first, last = fluid.cells.start[c], fluid.cells.start[c + 1]
+            if first < last:
+                found += (last - first) * pick(fluid.cells, c, fluid.position)
+    return found
+
+
+@kernel
+def multipliers(fluid, state, h, sweeps):
+    for _ in range(sweeps):
+        find_multipliers(fluid, h)
+
+
+@kernel
+def displacing(fluid, state, h, sweeps):
+    for _ in range(sweeps):
+        displace(fluid, state.particles.p)
+
+
+STAGES = {
+    "walls and sort": (sorting, 1),
+    "gather": (gathering, ITERATIONS),
+    "copy candidates": (picking, 0),
+    "multipliers": (multipliers, ITERATIONS),
+    "displacements": (displacing, ITERATIONS),
+}
+"""Stage -> kernel, how often in a step; candidates are copied in both passes of an iteration."""
+
+
+def scene(counts, support, precision):
+    """A column of that many particles, 1 m wide, with walls at 0 and twice its widths, and gravity; and the time step."""
+    s, d = 1.0 / counts[0], len(counts)
+    axes = [(np.arange(count) + 0.5) * s for count in counts]
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, d)
+    particles = pbd.particles(x, masses=1000.0 * s**d)
+    offset = np.concatenate([np.zeros(d), [-4.0], *[[-counts[1] * s]] * (d - 2)])
+    normal = np.concatenate([np.eye(d), -np.eye(d)[: d - 1]])
+    fluid = pbd.density(particles, spacing=s, support=support, normal=normal, offset=offset)
+    settings = pbd.Settings(dt=COURANT * s / math.sqrt(G), iterations=ITERATIONS, precision=precision)
+    gravity = [0.0] * (d - 1) + [-G]
+    return particles, fluid, settings, gravity
+
+
+def throughput(name, counts, support, goal, aim, repeats, precision="float32"):
+    particles, fluid, settings, gravity = scene(counts, support, precision)
+    n, d = particles.w.shape[0], len(particles.x)
+    steps = round(0.5 * math.sqrt(1.0 / G) / settings.dt)
+    out = pbd.Simulation(particles, [fluid], gravity=gravity, settings=settings).run(steps, [steps])
+    moved = pbd.particles(out.positions[-1], velocities=out.velocities[-1], masses=1.0 / particles.w)
+    simulation = pbd.Simulation(moved, [fluid], gravity=gravity, settings=settings)
+    simulation.run(1, [1])
+    best = {stage: math.inf for stage in (*STAGES, "whole step")}
+    prepared, state = simulation._scene.batches[0], simulation._scene.state
+    h, filled = settings.dtype.type(settings.h), 0
+    for _ in range(repeats):
+        for stage, (run, _) in STAGES.items():
+            run(prepared, state, h, 0)
+            start = time.perf_counter()
+            found = run(prepared, state, h, 4)
+            best[stage] = min(best[stage], (time.perf_counter() - start) / 4)
+            filled = found or filled
+        start = time.perf_counter()
+        simulation.run(20, [20])
+        best["whole step"] = min(best["whole step"], (time.perf_counter() - start) / 20)
+    near = neighbours(out.positions[-1], support / counts[0])
+    print(f"{name}, {n} particles, {near:.1f} neighbours, {filled / n:.1f} candidates, {precision}")
+    for stage, (_, times) in STAGES.items():
+        print(f"  {stage:18s} {best[stage] / n * 1e9:7.1f} ns a particle" + (f", {times} times" if times else ""))
+    whole = best["whole step"] / n * 1e9
+    verdict = "aim met" if whole <= aim else "goal met" if whole <= goal else "missed"
+    print(f"  {'whole step':18s} {whole:7.1f} ns a particle   goal {goal:g}, aim {aim:g}: {verdict}", flush=True)
+
+
+def neighbours(x, h):
+    """Mean number of particles within h of one, without itself."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(x)
+    return tree.count_neighbors(tree, h) / len(x) - 1.0
+
+
+def fronts(repeats):
+    """A dam break's largest relative error of the front at T = 1, 2 against its time."""
+    unit = math.sqrt(1.0 / (2.0 * G))
+    for across in (10, 14, 20, 28, 40):
+        particles, fluid, settings, gravity = scene((across, 2 * across), 2.5, "float32")
+        fluid.walls.planes.offset[2] = -8.0
+        steps = math.ceil(unit / settings.dt)
+        simulation = pbd.Simulation(
+            particles,
+            [fluid],
+            gravity=gravity,
+            settings=pbd.Settings(dt=unit / steps, iterations=ITERATIONS, precision="float32"),
+        )
+        best = math.inf
+        for _ in range(repeats):
+            start = time.process_time()
+            out = simulation.run(3 * steps, steps * np.arange(1, 4))
+            best = min(best, time.process_time() - start)
+        front = out.positions[:2, :, 0].max(axis=1) + 0.5 / across
+        error = np.abs(front / np.array(list(REFERENCE.values())) - 1.0).max()
+        print(f"dam break to T = 3, {across} across: {best:.3f} s, front off by {100 * error:.2f} % at T = 1, 2", flush=True)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--repeats", type=int, default=20)
+    repeats = parser.parse_args().repeats
+    for name, case in CASES.items():
+        throughput(name, *case, repeats)
+    fronts(max(1, repeats // 4))
+
+
+if __name__ == "__main__":
+    main()
