@@ -30,10 +30,10 @@ from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity, confine, smooth
 from pbd.fluid.walls import Walls, beside_walls, find_near, hold_back
 from pbd.intrinsics import multiply_add
-from pbd.jit import device
+from pbd.jit import device, kernel
 from pbd.projection import increment, reset
 from pbd.routine import routine
-from pbd.vector import Store, accumulate, dot, like, load, scale, store
+from pbd.vector import Store, accumulate, aligned, dot, like, load, scale, store
 
 
 class Unit(NamedTuple):
@@ -91,11 +91,25 @@ class Density(NamedTuple):
         confine(self.confinement, self, state.particles, h)
         smooth(self.viscosity, self, state.particles)
 
-    def densities(self) -> np.ndarray:
-        """(n,) rho/rho0 of the members, in the order given, at the start of the last iteration (not for kernels)."""
-        found = np.zeros(int(self.cells.members.max()) + 1)
-        found[self.cells.particle] = self.density
-        return found[self.cells.members]
+
+def densities(fluid: Density, positions: Any) -> np.ndarray:
+    """(m,) rho/rho0 of the members, in the order given, at positions (n, d) of all particles [m]; inf where not finite."""
+    x = tuple(aligned(axis, fluid.density.dtype) for axis in np.asarray(positions).T)
+    measure(fluid, x)
+    found = np.full(int(fluid.cells.members.max()) + 1, np.inf)
+    placed = fluid.cells.placed[0]
+    found[fluid.cells.particle[:placed]] = fluid.density[:placed]
+    return found[fluid.cells.members]
+
+
+@kernel
+def measure(fluid, x):
+    """Densities at x, in sorted order."""
+    sort(fluid.cells, x)
+    gather(fluid.cells, x, fluid.position)
+    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
+    sum_densities(fluid)
+    add_walls(fluid)
 
 
 @routine
@@ -115,11 +129,7 @@ def prepare(fluid, p):
 def find_multipliers(fluid, h):
     """L_i of all particles."""
     sum_densities(fluid)
-    for a in range(fluid.walls.found[0]):
-        k = fluid.walls.near[a]
-        filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
-        fluid.density[k] += filled
-        accumulate(fluid.gradient, k, like(filled, 1.0), pull)
+    add_walls(fluid)
     for k in range(fluid.cells.placed[0]):
         find_multiplier(fluid, k, h)
 
@@ -137,6 +147,16 @@ def sum_densities(fluid):
                 fluid.density[k] = fluid.value * sums[0]
                 fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
                 store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
+
+
+@device
+def add_walls(fluid):
+    """What walls give, and its gradient."""
+    for a in range(fluid.walls.found[0]):
+        k = fluid.walls.near[a]
+        filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
+        fluid.density[k] += filled
+        accumulate(fluid.gradient, k, like(filled, 1.0), pull)
 
 
 @device
@@ -171,4 +191,6 @@ def sum_pushes(fluid):
         if first < last:
             count = pick(cells, c, values)
             for k in range(first, last):
-                store(fluid.push, k, push_sums(fluid.kernel, fluid.repulsion, cells.near, count, load(fluid.position, k)))
+                store(
+                    fluid.push, k, push_sums(fluid.kernel, fluid.repulsion, cells.near, count, load(fluid.position, k))
+                )

@@ -88,9 +88,7 @@ def confine_velocities(confinement, fluid, particles, h):
             count = pick(cells, c, values)
             for k in range(first, last):
                 point = load(fluid.position, k)
-                slope = scale(
-                    fluid.slope, slope_sums(fluid.kernel, cells.near, count, point, confinement.size[k])
-                )
+                slope = scale(fluid.slope, slope_sums(fluid.kernel, cells.near, count, point, confinement.size[k]))
                 push = turned(unit(slope), load(confinement.curl, k))
                 accumulate(particles.v, cells.particle[k], h * confinement.strength, push)
 

@@ -147,7 +147,10 @@ def fronts(repeats):
             best = min(best, time.process_time() - start)
         front = out.positions[:2, :, 0].max(axis=1) + 0.5 / across
         error = np.abs(front / np.array(list(REFERENCE.values())) - 1.0).max()
-        print(f"dam break to T = 3, {across} across: {best:.3f} s, front off by {100 * error:.2f} % at T = 1, 2", flush=True)
+        print(
+            f"dam break to T = 3, {across} across: {best:.3f} s, front off by {100 * error:.2f} % at T = 1, 2",
+            flush=True,
+        )
 
 
 def main():

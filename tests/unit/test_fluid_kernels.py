@@ -142,6 +142,8 @@ def test_lanes_do_what_numpy_does(dtype):
     whole = expected.sum() * np.array([1.0, 2.0, -1.0])
     assert mixed(a, out) == pytest.approx(whole, rel=20 * float(np.finfo(dtype).eps))
     count = 64 // a.itemsize
-    assert out[1 : 1 + count] == pytest.approx(expected.reshape(-1, count).sum(axis=0), rel=20 * float(np.finfo(dtype).eps))
+    assert out[1 : 1 + count] == pytest.approx(
+        expected.reshape(-1, count).sum(axis=0), rel=20 * float(np.finfo(dtype).eps)
+    )
     assert out[0] == 0.0
     assert np.all(out[1 + count :] == 0.0)
