@@ -13,12 +13,10 @@ Two particles are each other's candidates or neither's, whatever they did since 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from pbd.fluid.lanes import lanes, put_lanes, width
-from pbd.intrinsics import typed
 from pbd.jit import device
 from pbd.routine import routine
 from pbd.vector import aligned, like
@@ -31,9 +29,6 @@ MARGIN = 2
 
 PADDING = 64
 """Elements after the end of sorted arrays and of candidates, which whole registers may read and write."""
-
-FAR = 1e15
-"""[m] Where the points are that fill up the candidates; the square of it is finite in single precision."""
 
 CELLS_PER_PARTICLE, LEAST_CELLS = 4, 4096
 
@@ -70,14 +65,14 @@ def new_cells(members: np.ndarray, dimension: int, h: float, more: int) -> Cells
     """Room for the members and candidates with ``more`` numbers beside their positions."""
     n = len(members)
     cells = max(CELLS_PER_PARTICLE * n, LEAST_CELLS)
-    whole = [np.zeros(dimension, dtype=np.int64) for _ in range(2)]
     return Cells(
         (FINE / h,) + (1.0 / h,) * (dimension - 1),
         aligned(members, np.uint32),
         np.zeros(n, dtype=np.uint32),
         np.zeros(n, dtype=np.uint32),
         np.zeros(cells + 2, dtype=np.uint32),
-        *whole,
+        np.zeros(dimension, dtype=np.int64),
+        np.zeros(dimension, dtype=np.int64),
         np.zeros(dimension),
         np.zeros(dimension),
         np.zeros(1, dtype=np.int64),
@@ -119,7 +114,7 @@ def bounded(cells, x):
             low, high = min(low, value), max(high, value)
             sound += value - value
         cells.low[axis], cells.high[axis] = low, high
-        if not sound == like(sound, 0.0):
+        if sound != like(sound, 0.0):  # infinity less itself is no number, and equals nothing
             return False
     return True
 
@@ -201,68 +196,3 @@ def fill(cells):
         k = cells.start[c]
         cells.start[c] = k + 1
         cells.particle[k] = cells.members[i]
-
-
-# ------------------------------------------------------------------ candidates
-
-
-@device
-def gather(cells, x, values):
-    """values_k <- x of the k-th sorted particle."""
-    for axis in range(len(x)):
-        for k in range(cells.particle.shape[0]):
-            values[axis][k] = x[axis][cells.particle[k]]
-
-
-@device
-def pick(cells, c, values):
-    """Copy sorted values - positions first - of what may be within h of cell c to ``near``.
-
-    Returns how many there are, filled up to a multiple of the lanes.
-    """
-    found = 0
-    for row in range(3 ** (len(cells.inverse) - 1)):
-        middle = c + row_offset(cells, row)
-        first, last = cells.start[middle - FINE], cells.start[middle + FINE + 1]
-        copy_pieces(cells.near, found, values, first, last)
-        found += last - first
-    return close(cells, found)
-
-
-@device
-def row_offset(cells, row):
-    """From a cell to the one in the middle of row 0, ..., 3^(d-1) - 1 about it."""
-    offset = 0
-    for axis in range(1, len(cells.inverse)):
-        offset += (row % 3 - 1) * cells.strides[axis]
-        row //= 3
-    return offset
-
-
-def copy_pieces(near: tuple, found: int, values: tuple, first: int, last: int) -> None:
-    """near_found... <- values_first, ..., values_last-1, of each array, in whole registers."""
-    for target, source in zip(near, values):
-        target[found : found + last - first] = source[first:last]
-
-
-@typed(copy_pieces)
-def _copy_pieces(near: Any, found: Any, values: Any, first: Any, last: Any) -> Any:
-    if len(values) == 0:
-        return lambda near, found, values, first, last: None
-
-    def copy(near, found, values, first, last):
-        for k in range(first, last, width(values[0])):
-            put_lanes(near[0], found + k - first, lanes(values[0], k))
-        copy_pieces(near[1:], found, values[1:], first, last)
-
-    return copy
-
-
-@device
-def close(cells, found):
-    """Put points far away after the candidates, up to a multiple of the lanes."""
-    near = cells.near
-    for axis in range(len(cells.inverse)):
-        put_lanes(near[axis], found, like(near[axis][0], FAR))
-    step = width(near[0])
-    return (found + step - 1) // step * step

@@ -130,11 +130,10 @@ def _law(law: Any) -> Any:
     allowed = f"a Stiffness or Compliance with relation {' or '.join(RELATIONS)}"
     if not isinstance(law, Stiffness | Compliance) or law.relation not in RELATIONS:
         raise InvalidInput("law", law, allowed)
-    values = {"law.k": law.k} if isinstance(law, Stiffness) else {"law.alpha": law.alpha, "law.beta": law.beta}
-    for field, value in values.items():
-        if np.ndim(value) > 0:
-            raise InvalidInput(field, value, "one number for a fluid", "its particles are sorted anew in each step")
-    if values.get("law.beta", 0.0) > 0.0:
+    field, value = ("law.k", law.k) if isinstance(law, Stiffness) else ("law.alpha", law.alpha)
+    if np.ndim(value) > 0:
+        raise InvalidInput(field, value, "one number for a fluid", "its particles are sorted anew in each step")
+    if isinstance(law, Compliance) and np.any(law.beta):
         raise InvalidInput("law.beta", law.beta, "0 for a fluid", "viscosity damps it")
     return law
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.dispatch import stage
-from pbd.fluid.cells import gather, pick
+from pbd.fluid.candidates import gather, pick
 from pbd.fluid.sums import curl_sums, slope_sums, smoothed_differences
 from pbd.intrinsics import typed
 from pbd.jit import device

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pbd.fluid.cells import FAR, gather, new_cells, pick, sort, sorted_array
+from pbd.fluid.candidates import FAR, gather, pick
+from pbd.fluid.cells import new_cells, sort, sorted_array
 from pbd.jit import kernel
 from pbd.vector import to_store
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pbd
-from pbd.fluid.cells import gather
+from pbd.fluid.candidates import gather
 from pbd.fluid.density import densities, find_multipliers
 from pbd.fluid.kernels import lattice_sum, new_kernel, profile
 from pbd.jit import kernel

@@ -1,0 +1,76 @@
+"""The candidates of a cell: sorted numbers of what may be within h of it, side by side in memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pbd.fluid.cells import FINE
+from pbd.fluid.lanes import lanes, put_lanes, width
+from pbd.intrinsics import typed
+from pbd.jit import device
+from pbd.vector import like
+
+FAR = 1e15
+"""[m] Where the points are that fill up the candidates; the square of it is finite in single precision."""
+
+
+@device
+def gather(cells, x, values):
+    """values_k <- x of the k-th sorted particle."""
+    for axis in range(len(x)):
+        for k in range(cells.particle.shape[0]):
+            values[axis][k] = x[axis][cells.particle[k]]
+
+
+@device
+def pick(cells, c, values):
+    """Copy sorted values - positions first - of what may be within h of cell c to ``near``.
+
+    Returns how many there are, filled up to a multiple of the lanes.
+    """
+    found = 0
+    for row in range(3 ** (len(cells.inverse) - 1)):
+        middle = c + row_offset(cells, row)
+        first, last = cells.start[middle - FINE], cells.start[middle + FINE + 1]
+        copy_pieces(cells.near, found, values, first, last)
+        found += last - first
+    return close(cells, found)
+
+
+@device
+def row_offset(cells, row):
+    """From a cell to the one in the middle of row 0, ..., 3^(d-1) - 1 about it."""
+    offset = 0
+    for axis in range(1, len(cells.inverse)):
+        offset += (row % 3 - 1) * cells.strides[axis]
+        row //= 3
+    return offset
+
+
+def copy_pieces(near: tuple, found: int, values: tuple, first: int, last: int) -> None:
+    """near_found... <- values_first, ..., values_last-1, of each array, in whole registers."""
+    for target, source in zip(near, values):
+        target[found : found + last - first] = source[first:last]
+
+
+@typed(copy_pieces)
+def _copy_pieces(near: Any, found: Any, values: Any, first: Any, last: Any) -> Any:
+    if len(values) == 0:
+        return lambda near, found, values, first, last: None
+
+    def copy(near, found, values, first, last):
+        for k in range(first, last, width(values[0])):
+            put_lanes(near[0], found + k - first, lanes(values[0], k))
+        copy_pieces(near[1:], found, values[1:], first, last)
+
+    return copy
+
+
+@device
+def close(cells, found):
+    """Put points far away after the candidates, up to a multiple of the lanes."""
+    near = cells.near
+    for axis in range(len(cells.inverse)):
+        put_lanes(near[axis], found, like(near[axis][0], FAR))
+    step = width(near[0])
+    return (found + step - 1) // step * step
