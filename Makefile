@@ -28,6 +28,7 @@ bench: $(VENV)/.tests-installed
 	$(BIN)/python tests/benchmarks/solves.py
 	$(BIN)/python tests/benchmarks/second_order.py
 	$(BIN)/python tests/benchmarks/collisions.py
+	$(BIN)/python tests/benchmarks/fluid.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and f"Python >= 3.11 is needed, this is {v[0]}.{v[1]}; set PYTHON=python3.11")'

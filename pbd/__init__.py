@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pbd.damping import Damping as Damping
     from pbd.errors import InvalidInput as InvalidInput
     from pbd.external import point_forces as point_forces
+    from pbd.fluid.density import densities as densities
     from pbd.fluid.density_input import density as density
     from pbd.integrators.euler import Euler as Euler
     from pbd.integrators.rattle import Rattle as Rattle
@@ -60,6 +61,7 @@ _HOME = {
     "hinge": "rigid.joint_input",
     "Rattle": "integrators.rattle",
     "Damping": "damping",
+    "densities": "fluid.density",
     "density": "fluid.density_input",
     "Direct": "solvers.direct",
     "Euler": "integrators.euler",

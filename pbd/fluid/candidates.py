@@ -10,6 +10,10 @@ from pbd.intrinsics import typed
 from pbd.jit import device
 from pbd.vector import like
 
+AT_ONCE = 32
+"""Numbers copied at once. A row holds 16 to 20: a loop over registers would end after one or two of them, at random, and
+each time the processor guesses wrong it loses more than it takes to copy them."""
+
 FAR = 1e15
 """[m] Where the points are that fill up the candidates; the square of it is finite in single precision."""
 
@@ -48,7 +52,7 @@ def row_offset(cells, row):
 
 
 def copy_pieces(near: tuple, found: int, values: tuple, first: int, last: int) -> None:
-    """near_found... <- values_first, ..., values_last-1, of each array, in whole registers."""
+    """near_found... <- values_first, ..., values_last-1, of each array, and more up to a multiple of AT_ONCE."""
     for target, source in zip(near, values):
         target[found : found + last - first] = source[first:last]
 
@@ -59,8 +63,9 @@ def _copy_pieces(near: Any, found: Any, values: Any, first: Any, last: Any) -> A
         return lambda near, found, values, first, last: None
 
     def copy(near, found, values, first, last):
-        for k in range(first, last, width(values[0])):
-            put_lanes(near[0], found + k - first, lanes(values[0], k))
+        for start in range(first, last, AT_ONCE):
+            for k in range(start, start + AT_ONCE, width(values[0])):
+                put_lanes(near[0], found + k - first, lanes(values[0], k))
         copy_pieces(near[1:], found, values[1:], first, last)
 
     return copy

@@ -125,6 +125,36 @@ def neighbours(x, h):
     return tree.count_neighbors(tree, h) / len(x) - 1.0
 
 
+def scaling():
+    """A step of more and more particles in a random order in memory, against 1e4 of them."""
+    first, rng = None, np.random.default_rng(0)
+    for across in (70, 224, 707):
+        particles, fluid, settings, gravity = scene((across, 2 * across), 2.5, "float32")
+        n = particles.w.shape[0]
+        x = rng.permutation(np.column_stack(particles.x))
+        mixed = pbd.particles(x + rng.uniform(-0.1, 0.1, x.shape) / across, masses=1.0 / particles.w)
+        simulation = pbd.Simulation(mixed, [fluid], gravity=gravity, settings=settings)
+        simulation.run(1, [1])
+        best = math.inf
+        for _ in range(3):
+            start = time.perf_counter()
+            simulation.run(4, [4])
+            middle = time.perf_counter()
+            simulation.run(8, [8])
+            best = min(best, (time.perf_counter() - middle - (middle - start)) / 4)
+        ns = best / n * 1e9
+        first = first or ns
+        size = memory(simulation._scene) / n
+        print(f"{n:8d} particles: {ns:6.1f} ns a particle, {ns / first:.2f} of the first, {size:.0f} bytes", flush=True)
+
+
+def memory(value):
+    """Bytes of all arrays in nested tuples."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    return sum(memory(part) for part in value) if isinstance(value, tuple) else 0
+
+
 def fronts(repeats):
     """A dam break's largest relative error of the front at T = 1, 2 against its time."""
     unit = math.sqrt(1.0 / (2.0 * G))
@@ -157,6 +187,7 @@ def main():
     repeats = parser.parse_args().repeats
     for name, case in CASES.items():
         throughput(name, *case, repeats)
+    scaling()
     fronts(max(1, repeats // 4))
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import pbd
 from pbd.fluid.candidates import gather
-from pbd.fluid.density import densities, find_multipliers
+from pbd.fluid.density import find_multipliers
 from pbd.fluid.kernels import lattice_sum, new_kernel, profile
 from pbd.jit import kernel
 from pbd.projection import begin, project
@@ -104,7 +104,7 @@ def test_sums_against_all_pairs(d, name, seed):
     density, gradient, multiplier = measured(x, kernel=name, epsilon=0.1)
     expected, gradients = brute(x, name)
     assert density == pytest.approx(expected, rel=1e-12)
-    assert densities(pbd.density(pbd.particles(x), spacing=S, kernel=name), x) == pytest.approx(expected, rel=1e-12)
+    assert pbd.densities(pbd.density(pbd.particles(x), spacing=S, kernel=name), x) == pytest.approx(expected, rel=1e-12)
     own = gradients[np.arange(len(x)), np.arange(len(x))]
     assert gradient == pytest.approx(own, abs=1e-11 * np.abs(own).max())
     weight = (gradients**2).sum(axis=(1, 2)) + 0.1 / (2.5 * S) ** 2
@@ -162,7 +162,7 @@ def run(x, fluid_arguments, steps=50, v=0.0, gravity=None, samples=None, members
 
 
 @DIMENSIONS
-@pytest.mark.parametrize("terms", [{}, {"viscosity": 0.1}, {"repulsion": 0.01}, {"omega": 0.5, "epsilon": 1.0}])
+@pytest.mark.parametrize("terms", [{}, {"viscosity": 0.1, "repulsion": 0.01, "omega": 0.5, "epsilon": 1.0}])
 def test_linear_momentum_of_two_blobs(d, terms):
     """They meet at 1 m/s: the sum of all velocities stays, to 1e-12 of the sum of their sizes."""
     left = block((8,) * d) + np.random.default_rng(7).uniform(-0.2, 0.2, (8**d, d)) * S
@@ -291,7 +291,7 @@ def test_bottom_of_a_column_at_rest():
     dt = 0.16 * S * math.sqrt(1 / (n * S * G))
     out = run(x, tank(n * S), steps=600, gravity=[0.0, -G], samples=[600], dt=dt, iterations=4)
     final = out.positions[-1]
-    density = densities(out.scene.batches[0], final)
+    density = pbd.densities(out.scene.batches[0], final)
     assert density[final[:, 1] < 3.0 * S].mean() == pytest.approx(1.0, abs=3e-3)
     assert final[:, 1].mean() == pytest.approx(0.5 * n * S, abs=0.2 * S)  # the surface, less dense, sinks a little
 
@@ -333,7 +333,7 @@ def test_front_comes_closer_with_more_particles():
 def test_compression_in_a_dam_break():
     """40 across, 4 iterations, to T = 3: 0.1 % on average over particles and time, 1.5 % at the worst."""
     out, _ = dam(40, 3, samples=12)
-    excess = np.array([np.maximum(densities(out.scene.batches[0], x) - 1.0, 0.0) for x in out.positions])
+    excess = np.array([np.maximum(pbd.densities(out.scene.batches[0], x) - 1.0, 0.0) for x in out.positions])
     assert excess.mean() <= 1e-3
     assert excess.max() <= 1.5e-2
 
