@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pbd.dispatch import stage
 from pbd.fluid.cells import FINE
 from pbd.fluid.lanes import lanes, put_lanes, width
 from pbd.intrinsics import typed
@@ -12,7 +13,7 @@ from pbd.vector import like
 
 AT_ONCE = 32
 """Numbers copied at once. A row holds 16 to 20: a loop over registers would end after one or two of them, at random, and
-each time the processor guesses wrong it loses more than it takes to copy them."""
+a wrong guess of the processor costs more than the copy."""
 
 FAR = 1e15
 """[m] Where the points are that fill up the candidates; the square of it is finite in single precision."""
@@ -26,19 +27,43 @@ def gather(cells, x, values):
             values[axis][k] = x[axis][cells.particle[k]]
 
 
-@device
-def pick(cells, c, values):
-    """Copy sorted values - positions first - of what may be within h of cell c to ``near``.
+@stage(required=True)
+def visit(task, k, first, last):
+    """What is to be done for the k-th sorted particle, whose candidates are near_first, ..., near_last-1."""
 
-    Returns how many there are, filled up to a multiple of the lanes.
+
+@device
+def for_each(cells, values, task):
+    """`visit` for each sorted particle, with candidates of sorted ``values``, positions first.
+
+    Those of a cell are copied before the particles of the cell before are visited, to the other half of ``near``: read
+    at once, while what was written in other pieces still waits to leave the processor, they cost half as much again.
     """
-    found = 0
+    place, half = 0, cells.near[0].shape[0] // 2
+    begin, end, first, last = 0, 0, 0, 0
+    for c in range(cells.last[0] + 1 if cells.placed[0] > 0 else 0):
+        start, stop = cells.start[c], cells.start[c + 1]
+        if start < stop or c == cells.last[0]:
+            filled = pick(cells, c, values, place)
+            for k in range(begin, end):
+                visit(task, k, first, last)
+            begin, end, first, last = start, stop, place, filled
+            place = half - place
+
+
+@device
+def pick(cells, c, values, place):
+    """Copy sorted values of what may be within h of cell c to ``near`` from ``place`` on; returns where they end.
+
+    They are filled up to a multiple of the lanes.
+    """
+    found = place
     for row in range(3 ** (len(cells.inverse) - 1)):
         middle = c + row_offset(cells, row)
         first, last = cells.start[middle - FINE], cells.start[middle + FINE + 1]
         copy_pieces(cells.near, found, values, first, last)
         found += last - first
-    return close(cells, found)
+    return close(cells, place, found)
 
 
 @device
@@ -72,10 +97,10 @@ def _copy_pieces(near: Any, found: Any, values: Any, first: Any, last: Any) -> A
 
 
 @device
-def close(cells, found):
+def close(cells, place, found):
     """Put points far away after the candidates, up to a multiple of the lanes."""
     near = cells.near
     for axis in range(len(cells.inverse)):
         put_lanes(near[axis], found, like(near[axis][0], FAR))
     step = width(near[0])
-    return (found + step - 1) // step * step
+    return place + (found - place + step - 1) // step * step

@@ -44,7 +44,7 @@ class Cells(NamedTuple):
     strides (d,) : from cell to cell along each axis; counts (d,) cells along it
     low (d,) : the grid's lower corner [m]; high (d,) the bounds of the particles there
     last, placed (1,) : no cell from this one on holds a particle, and how many do; 0 where a position is not finite
-    near : candidates, d stores of positions and as many as are asked for of other numbers
+    near : candidates of two cells, in halves: d arrays of positions and as many as are asked for of other numbers
     """
 
     inverse: tuple
@@ -65,6 +65,7 @@ def new_cells(members: np.ndarray, dimension: int, h: float, more: int) -> Cells
     """Room for the members and candidates with ``more`` numbers beside their positions."""
     n = len(members)
     cells = max(CELLS_PER_PARTICLE * n, LEAST_CELLS)
+    half = -(-n // PADDING) * PADDING + PADDING  # both halves start on a cache line
     return Cells(
         (FINE / h,) + (1.0 / h,) * (dimension - 1),
         aligned(members, np.uint32),
@@ -77,7 +78,7 @@ def new_cells(members: np.ndarray, dimension: int, h: float, more: int) -> Cells
         np.zeros(dimension),
         np.zeros(1, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
-        tuple(np.zeros(n + PADDING) for _ in range(dimension + more)),
+        tuple(np.zeros(2 * half) for _ in range(dimension + more)),
     )
 
 

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.fluid.candidates import gather, pick
+from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.cells import Cells, sort
 from pbd.fluid.kernels import Poly6Spiky, Wendland
 from pbd.fluid.sums import density_sums, push_sums
@@ -115,7 +115,7 @@ def measure(fluid, x):
     sort(fluid.cells, x)
     gather(fluid.cells, x, fluid.position)
     find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
-    sum_densities(fluid)
+    for_each(fluid.cells, fluid.position, DensitySums(fluid))
     add_walls(fluid)
 
 
@@ -132,28 +132,37 @@ def prepare(fluid, p):
 # ------------------------------------------------------------------ the two passes of an iteration
 
 
+class DensitySums(NamedTuple):
+    """rho_i/rho0, grad_i C_i and the sum of |grad_j C_i|^2 of the neighbours, without walls."""
+
+    fluid: Any
+
+    def visit(self, k, first, last):
+        fluid = self.fluid
+        sums = density_sums(fluid.kernel, fluid.cells.near, first, last, load(fluid.position, k))
+        fluid.density[k] = fluid.value * sums[0]
+        fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
+        store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
+
+
+class PushSums(NamedTuple):
+    """sum_j L_j g (x_i - x_j), with repulsion if there is any."""
+
+    fluid: Any
+
+    def visit(self, k, first, last):
+        fluid = self.fluid
+        point = load(fluid.position, k)
+        store(fluid.push, k, push_sums(fluid.kernel, fluid.repulsion, fluid.cells.near, first, last, point))
+
+
 @routine
 def find_multipliers(fluid, h):
     """L_i of all particles."""
-    sum_densities(fluid)
+    for_each(fluid.cells, fluid.position, DensitySums(fluid))
     add_walls(fluid)
     for k in range(fluid.cells.placed[0]):
         find_multiplier(fluid, k, h)
-
-
-@device
-def sum_densities(fluid):
-    """rho_i/rho0, grad_i C_i and the sum of |grad_j C_i|^2 of the neighbours, without walls."""
-    cells = fluid.cells
-    for c in range(cells.last[0]):
-        first, last = cells.start[c], cells.start[c + 1]
-        if first < last:
-            count = pick(cells, c, fluid.position)
-            for k in range(first, last):
-                sums = density_sums(fluid.kernel, cells.near, count, load(fluid.position, k))
-                fluid.density[k] = fluid.value * sums[0]
-                fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
-                store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
 
 
 @device
@@ -178,8 +187,8 @@ def find_multiplier(fluid, k, h):
 @routine
 def displace(fluid, p):
     """p_i <- p_i + dp_i for all particles, kept from entering walls."""
-    sum_pushes(fluid)
     cells = fluid.cells
+    for_each(cells, fluid.position + (fluid.multiplier,), PushSums(fluid))
     for k in range(cells.placed[0]):
         i, change = cells.particle[k], fluid.multiplier[k]
         for axis in range(len(p)):
@@ -187,17 +196,3 @@ def displace(fluid, p):
             p[axis][i] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
     for a in range(fluid.walls.found[0]):
         hold_back(fluid.walls, p, cells.particle[fluid.walls.near[a]])
-
-
-@device
-def sum_pushes(fluid):
-    """sum_j L_j g (x_i - x_j), with repulsion if there is any."""
-    cells, values = fluid.cells, fluid.position + (fluid.multiplier,)
-    for c in range(cells.last[0]):
-        first, last = cells.start[c], cells.start[c + 1]
-        if first < last:
-            count = pick(cells, c, values)
-            for k in range(first, last):
-                store(
-                    fluid.push, k, push_sums(fluid.kernel, fluid.repulsion, cells.near, count, load(fluid.position, k))
-                )

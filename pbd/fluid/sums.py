@@ -1,4 +1,4 @@
-"""Sums over the candidates of a cell, a register of them at a time; positions and what they return are tuples."""
+"""Sums over candidates near_first, ..., near_last-1, a register at a time; positions and most results are tuples."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pbd.vector import negate
 
 
 @device
-def density_sums(kernel, near, count, point):
+def density_sums(kernel, near, first, last, point):
     """sum w, sum g^2 |x_i - x_j|^2, and the components of sum g (x_i - x_j); see `pbd.fluid.kernels.shape`."""
     value, norm, slope = no_lanes(near[0]), no_lanes(near[0]), nothing(point, near)
-    for k in range(0, count, width(near[0])):
+    for k in range(first, last, width(near[0])):
         apart = difference(point, near, k)
         squared = square(apart)
         w, g = shape(kernel, squared)
@@ -27,10 +27,10 @@ def density_sums(kernel, near, count, point):
 
 
 @device
-def push_sums(kernel, repulsion, near, count, point):
+def push_sums(kernel, repulsion, near, first, last, point):
     """sum (L_j + s_ij) g (x_i - x_j), the L_j beside the candidates' positions."""
     push = nothing(point, near)
-    for k in range(0, count, width(near[0])):
+    for k in range(first, last, width(near[0])):
         apart = difference(point, near, k)
         w, g = shape(kernel, square(apart))
         push = weighted(g * attract(repulsion, lanes(near[len(point)], k), w), apart, push)
@@ -38,20 +38,20 @@ def push_sums(kernel, repulsion, near, count, point):
 
 
 @device
-def smoothed_differences(kernel, near, count, point, own):
+def smoothed_differences(kernel, near, first, last, point, own):
     """sum w (v_j - v_i), the v_j beside the candidates' positions."""
     drag = nothing(point, near)
-    for k in range(0, count, width(near[0])):
+    for k in range(first, last, width(near[0])):
         w, _ = shape(kernel, square(difference(point, near, k)))
         drag = weighted(w, difference(own, near[len(point) :], k), drag)
     return negate(totals(drag))
 
 
 @device
-def curl_sums(kernel, near, count, point, own):
+def curl_sums(kernel, near, first, last, point, own):
     """sum g (x_i - x_j) x (v_i - v_j); in 2D a tuple of its one component."""
     curl = nothing(cross(point, own), near)
-    for k in range(0, count, width(near[0])):
+    for k in range(first, last, width(near[0])):
         apart = difference(point, near, k)
         _, g = shape(kernel, square(apart))
         curl = weighted(g, cross(apart, difference(own, near[len(point) :], k)), curl)
@@ -59,10 +59,10 @@ def curl_sums(kernel, near, count, point, own):
 
 
 @device
-def slope_sums(kernel, near, count, point, own):
+def slope_sums(kernel, near, first, last, point, own):
     """sum g (x_i - x_j) (a_i - a_j), the a_j beside the candidates' positions."""
     slope = nothing(point, near)
-    for k in range(0, count, width(near[0])):
+    for k in range(first, last, width(near[0])):
         apart = difference(point, near, k)
         _, g = shape(kernel, square(apart))
         slope = weighted(g * (own - lanes(near[len(point)], k)), apart, slope)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.dispatch import stage
-from pbd.fluid.candidates import gather, pick
+from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.sums import curl_sums, slope_sums, smoothed_differences
 from pbd.intrinsics import typed
 from pbd.jit import device
@@ -61,51 +61,64 @@ class Confinement(NamedTuple):
         confine_velocities(self, fluid, particles, h)
 
 
+class Drag(NamedTuple):
+    """v_i <- v_i + c sum_j V W_ij (v_j - v_i)."""
+
+    viscosity: Any
+    fluid: Any
+    particles: Any
+
+    def visit(self, k, first, last):
+        fluid = self.fluid
+        point, own = load(fluid.position, k), load(fluid.velocity, k)
+        drag = smoothed_differences(fluid.kernel, fluid.cells.near, first, last, point, own)
+        accumulate(self.particles.v, fluid.cells.particle[k], self.viscosity.factor, drag)
+
+
+class Curl(NamedTuple):
+    """curl v and its size."""
+
+    confinement: Any
+    fluid: Any
+
+    def visit(self, k, first, last):
+        fluid = self.fluid
+        point, own = load(fluid.position, k), load(fluid.velocity, k)
+        curl = scale(fluid.slope, curl_sums(fluid.kernel, fluid.cells.near, first, last, point, own))
+        store(self.confinement.curl, k, curl)
+        self.confinement.size[k] = math.sqrt(dot(curl, curl))
+
+
+class Spin(NamedTuple):
+    """v_i <- v_i + ``change`` N x omega."""
+
+    confinement: Any
+    fluid: Any
+    particles: Any
+    change: float
+
+    def visit(self, k, first, last):
+        fluid, confinement = self.fluid, self.confinement
+        point = load(fluid.position, k)
+        slope = slope_sums(fluid.kernel, fluid.cells.near, first, last, point, confinement.size[k])
+        push = turned(unit(scale(fluid.slope, slope)), load(confinement.curl, k))
+        accumulate(self.particles.v, fluid.cells.particle[k], self.change, push)
+
+
 @routine
 def smooth_velocities(viscosity, fluid, particles):
-    cells, values = fluid.cells, fluid.position + fluid.velocity
-    gather(cells, particles.x, fluid.position)
-    gather(cells, particles.v, fluid.velocity)
-    for c in range(cells.last[0]):
-        first, last = cells.start[c], cells.start[c + 1]
-        if first < last:
-            count = pick(cells, c, values)
-            for k in range(first, last):
-                point, own = load(fluid.position, k), load(fluid.velocity, k)
-                drag = smoothed_differences(fluid.kernel, cells.near, count, point, own)
-                accumulate(particles.v, cells.particle[k], viscosity.factor, drag)
+    gather(fluid.cells, particles.x, fluid.position)
+    gather(fluid.cells, particles.v, fluid.velocity)
+    for_each(fluid.cells, fluid.position + fluid.velocity, Drag(viscosity, fluid, particles))
 
 
 @routine
 def confine_velocities(confinement, fluid, particles, h):
     gather(fluid.cells, particles.x, fluid.position)
     gather(fluid.cells, particles.v, fluid.velocity)
-    find_curls(confinement, fluid)
-    cells, values = fluid.cells, fluid.position + (confinement.size,)
-    for c in range(cells.last[0]):
-        first, last = cells.start[c], cells.start[c + 1]
-        if first < last:
-            count = pick(cells, c, values)
-            for k in range(first, last):
-                point = load(fluid.position, k)
-                slope = scale(fluid.slope, slope_sums(fluid.kernel, cells.near, count, point, confinement.size[k]))
-                push = turned(unit(slope), load(confinement.curl, k))
-                accumulate(particles.v, cells.particle[k], h * confinement.strength, push)
-
-
-@device
-def find_curls(confinement, fluid):
-    """curl v and its size, of all particles."""
-    cells, values = fluid.cells, fluid.position + fluid.velocity
-    for c in range(cells.last[0]):
-        first, last = cells.start[c], cells.start[c + 1]
-        if first < last:
-            count = pick(cells, c, values)
-            for k in range(first, last):
-                point, own = load(fluid.position, k), load(fluid.velocity, k)
-                curl = scale(fluid.slope, curl_sums(fluid.kernel, cells.near, count, point, own))
-                store(confinement.curl, k, curl)
-                confinement.size[k] = math.sqrt(dot(curl, curl))
+    for_each(fluid.cells, fluid.position + fluid.velocity, Curl(confinement, fluid))
+    spin = Spin(confinement, fluid, particles, h * confinement.strength)
+    for_each(fluid.cells, fluid.position + (confinement.size,), spin)
 
 
 @device

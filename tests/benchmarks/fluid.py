@@ -9,11 +9,12 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import pbd
-from pbd.fluid.candidates import gather, pick
+from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.density import displace, find_multipliers
 from pbd.jit import kernel
 from pbd.projection import begin
@@ -38,17 +39,20 @@ def gathering(fluid, state, h, sweeps):
         gather(fluid.cells, state.particles.p, fluid.position)
 
 
+class Counting(NamedTuple):
+    """Nothing but how many candidates there are, filled up."""
+
+    total: Any
+
+    def visit(self, k, first, last):
+        self.total[0] += last - first
+
+
 @kernel
 def picking(fluid, state, h, sweeps):
-    """Candidates of all cells, nothing done with them; returns how many there are, filled up, a particle."""
-    found = 0
     for _ in range(sweeps):
-        found = 0
-        for c in range(fluid.cells.last[0]):
-            first, last = fluid.cells.start[c], fluid.cells.start[c + 1]
-            if first < last:
-                found += (last - first) * pick(fluid.cells, c, fluid.position)
-    return found
+        state.work[1] = 0
+        for_each(fluid.cells, fluid.position, Counting(state.work[1:]))
 
 
 @kernel
@@ -97,19 +101,18 @@ def throughput(name, counts, support, goal, aim, repeats, precision="float32"):
     simulation.run(1, [1])
     best = dict.fromkeys((*STAGES, "whole step"), math.inf)
     prepared, state = simulation._scene.batches[0], simulation._scene.state
-    h, filled = settings.dtype.type(settings.h), 0
+    h = settings.dtype.type(settings.h)
     for _ in range(repeats):
         for stage, (run, _) in STAGES.items():
             run(prepared, state, h, 0)
             start = time.perf_counter()
-            found = run(prepared, state, h, 4)
+            run(prepared, state, h, 4)
             best[stage] = min(best[stage], (time.perf_counter() - start) / 4)
-            filled = found or filled
         start = time.perf_counter()
         simulation.run(20, [20])
         best["whole step"] = min(best["whole step"], (time.perf_counter() - start) / 20)
     near = neighbours(out.positions[-1], support / counts[0])
-    print(f"{name}, {n} particles, {near:.1f} neighbours, {filled / n:.1f} candidates, {precision}")
+    print(f"{name}, {n} particles, {near:.1f} neighbours, {state.work[1] / n:.1f} candidates, {precision}")
     for stage, (_, times) in STAGES.items():
         print(f"  {stage:18s} {best[stage] / n * 1e9:7.1f} ns a particle" + (f", {times} times" if times else ""))
     whole = best["whole step"] / n * 1e9

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pbd.fluid.candidates import FAR, gather, pick
+from pbd.fluid.candidates import FAR, for_each, gather
 from pbd.fluid.cells import new_cells, sort, sorted_array
 from pbd.jit import kernel
 from pbd.vector import to_store
@@ -20,24 +21,27 @@ H = 0.1
 DIMENSIONS = pytest.mark.parametrize("d", [2, 3])
 
 
+class Listing(NamedTuple):
+    """``found``_ij counts how often j is among the candidates of i, ``seen`` the particles that were visited."""
+
+    cells: Any
+    found: np.ndarray
+    seen: np.ndarray
+
+    def visit(self, k, first, last):
+        self.seen[0] += 1
+        for a in range(first, last):
+            if self.cells.near[0][a] < 0.1 * FAR:
+                self.found[self.cells.particle[k], int(self.cells.near[-1][a])] += 1
+
+
 @kernel
-def all_candidates(cells, x, values, found):
-    """found_ij counts how often j is among the candidates of i; returns how many particles had a cell."""
+def all_candidates(cells, x, values, found, seen):
     sort(cells, x)
     gather(cells, x, values)
     for k in range(cells.particle.shape[0]):
         values[-1][k] = cells.particle[k]
-    seen = 0
-    for c in range(cells.last[0]):
-        first, last = cells.start[c], cells.start[c + 1]
-        if first < last:
-            count = pick(cells, c, values)
-            for k in range(first, last):
-                seen += 1
-                for a in range(count):
-                    if cells.near[0][a] < 0.1 * FAR:
-                        found[cells.particle[k], int(cells.near[-1][a])] += 1
-    return seen
+    for_each(cells, values, Listing(cells, found, seen))
 
 
 def candidates(points, members=None):
@@ -45,8 +49,9 @@ def candidates(points, members=None):
     n, d = points.shape
     cells = new_cells(np.arange(n) if members is None else members, d, H, 1)
     values = tuple(sorted_array(n) for _ in range(d + 1))
-    found = np.zeros((n, n), dtype=np.int64)
-    return found, all_candidates(cells, to_store(points), values, found)
+    found, seen = np.zeros((n, n), dtype=np.int64), np.zeros(1, dtype=np.int64)
+    all_candidates(cells, to_store(points), values, found, seen)
+    return found, int(seen[0])
 
 
 def check(points):
@@ -101,10 +106,8 @@ def test_coincident_particles_are_candidates(d):
 
 def test_members_alone_are_sorted():
     points = np.random.default_rng(4).uniform(0.0, 0.3, (40, 2))
-    members = np.arange(0, 40, 2)
-    found = np.zeros((40, 40), dtype=np.int64)
-    cells, values = new_cells(members, 2, H, 1), tuple(sorted_array(40) for _ in range(3))
-    assert all_candidates(cells, to_store(points), values, found) == 20
+    found, seen = candidates(points, np.arange(0, 40, 2))
+    assert seen == 20
     assert found[1::2].sum() == found[:, 1::2].sum() == 0
 
 
