@@ -12,7 +12,7 @@ from pbd.jit import device
 from pbd.vector import like
 
 AT_ONCE = 32
-"""Numbers copied at once. A row holds 16 to 20: a loop over registers would end after one or two of them, at random, and
+"""Numbers copied at once. A row holds 16 to 20: a loop over registers would end after one or two of them at random, and
 a wrong guess of the processor costs more than the copy."""
 
 FAR = 1e15
