@@ -102,7 +102,7 @@ def densities(fluid: Density, positions: Any) -> np.ndarray:
     Infinite where a position is not finite, for lack of neighbours.
     """
     x = tuple(aligned(axis, fluid.density.dtype) for axis in np.asarray(positions).T)
-    measure(fluid, x)
+    measure(fluid._replace(law=None), x)  # which a user's fluid holds as chosen, a bound one as the kernels'
     found = np.full(int(fluid.cells.members.max()) + 1, np.inf)
     placed = fluid.cells.placed[0]
     found[fluid.cells.particle[:placed]] = fluid.density[:placed]
