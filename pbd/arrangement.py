@@ -56,8 +56,12 @@ def check_groups(problem: Problem) -> None:
 
 
 def bind_laws(problem: Problem) -> tuple:
-    """The batches with their laws bound to sub-step and iterations; empty batches are dropped."""
-    return tuple(bind_law(batch, problem) for batch in problem.batches if not is_empty(batch))
+    """The batches with their laws bound to sub-step and iterations; empty batches are dropped.
+
+    One that is left alone, and has a form for that - alone() -, takes it.
+    """
+    batches = tuple(bind_law(batch, problem) for batch in problem.batches if not is_empty(batch))
+    return (batches[0].alone(),) if len(batches) == 1 and hasattr(batches[0], "alone") else batches
 
 
 def is_empty(batch: Any) -> bool:

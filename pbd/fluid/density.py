@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.cells import Cells, sort
 from pbd.fluid.kernels import Poly6Spiky, Wendland
@@ -44,6 +45,18 @@ class Unit(NamedTuple):
     """In the place of particles, where a law asks for inverse masses: the gradients' norms hold them already."""
 
     w: np.ndarray
+
+
+@stage
+def reread(sharing, fluid, p):
+    """Bring the sorted positions up to what other batches have made of p since the last pass."""
+
+
+class Sharing(NamedTuple):
+    """There are other batches. Without them positions are read once a step: of a million particles a quarter faster."""
+
+    def reread(self, fluid, p):
+        gather(fluid.cells, p, fluid.position)
 
 
 class Density(NamedTuple):
@@ -74,6 +87,7 @@ class Density(NamedTuple):
     push: Store
     density: np.ndarray
     weight: np.ndarray
+    sharing: Sharing | None
     repulsion: Repulsion | None
     viscosity: Viscosity | None
     confinement: Confinement | None
@@ -81,12 +95,16 @@ class Density(NamedTuple):
     def size(self):
         return self.cells.members.shape[0]
 
+    def alone(self) -> Density:
+        """The same where no other batch moves particles."""
+        return self._replace(sharing=None)
+
     def begin(self, state, h):
         reset(self.law)
         prepare(self, state.particles.p)
 
     def project(self, state, h):
-        gather(self.cells, state.particles.p, self.position)
+        reread(self.sharing, self, state.particles.p)
         find_multipliers(self, h)
         displace(self, state.particles.p)
         state.work[0] += self.cells.members.shape[0]
@@ -187,12 +205,13 @@ def find_multiplier(fluid, k, h):
 @routine
 def displace(fluid, p):
     """p_i <- p_i + dp_i for all particles, kept from entering walls."""
-    cells = fluid.cells
-    for_each(cells, fluid.position + (fluid.multiplier,), PushSums(fluid))
-    for k in range(cells.placed[0]):
-        i, change = cells.particle[k], fluid.multiplier[k]
-        for axis in range(len(p)):
-            moved = multiply_add(change, fluid.gradient[axis][k], fluid.position[axis][k])
-            p[axis][i] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
+    cells, position = fluid.cells, fluid.position
+    for_each(cells, position + (fluid.multiplier,), PushSums(fluid))
+    for axis in range(len(p)):
+        for k in range(cells.placed[0]):
+            moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
+            position[axis][k] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
     for a in range(fluid.walls.found[0]):
-        hold_back(fluid.walls, p, cells.particle[fluid.walls.near[a]])
+        hold_back(fluid.walls, position, fluid.walls.near[a])
+    for k in range(cells.placed[0]):
+        store(p, cells.particle[k], load(position, k))

@@ -11,7 +11,7 @@ from pbd.arrays import broadcast, indices, number, real_array
 from pbd.collision.plane import Planes
 from pbd.errors import InvalidInput, unknown
 from pbd.fluid.cells import new_cells, sorted_array
-from pbd.fluid.density import Density, Unit
+from pbd.fluid.density import Density, Sharing, Unit
 from pbd.fluid.kernels import KERNELS, lattice_sum, new_kernel, profile
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity
@@ -96,6 +96,7 @@ def density(
         push=_sorted_store(n, d),
         density=np.zeros(n),
         weight=np.zeros(n),
+        sharing=Sharing(),
         repulsion=_repulsion(repulsion, form, h),
         viscosity=Viscosity(factor) if factor > 0.0 else None,
         confinement=_confinement(confinement, h, n, d),

@@ -250,6 +250,30 @@ def test_same_at_twice_the_size(d):
     assert outs[1] == pytest.approx(2.0 * outs[0], abs=1e-9 * S)
 
 
+def test_other_batches_are_seen():
+    """A fluid alone reads positions once a step; with another batch, one that does nothing, it is to be the same."""
+    x, outs = cloud(np.random.default_rng(13), 2), []
+    for others in (False, True):
+        particles = pbd.particles(x)
+        fluid = pbd.density(particles, spacing=S, normal=[0.0, 1.0])
+        batches = [fluid, pbd.plane_contact(particles, normal=[0.0, 1.0], offset=-9.0)] if others else [fluid]
+        simulation = pbd.Simulation(particles, batches, settings=pbd.Settings(dt=5e-3, iterations=3))
+        outs.append(simulation.run(20, [20]).positions[-1])
+    assert np.array_equal(*outs)
+
+
+def test_a_floor_of_another_batch_holds_a_fluid():
+    """The floor's projections come after the fluid's in each iteration, and the fluid goes on from there."""
+    x = block((8, 8))
+    particles = pbd.particles(x)
+    floor = pbd.plane_contact(particles, normal=[0.0, 1.0])
+    fluid = pbd.density(particles, spacing=S)
+    settings = pbd.Settings(dt=2e-3, iterations=4)
+    out = pbd.Simulation(particles, [fluid, floor], gravity=[0.0, -G], settings=settings).run(200, [200])
+    assert out.positions[-1][:, 1].min() >= -1e-12
+    assert np.ptp(out.positions[-1][:, 0]) > 1.5 * np.ptp(x[:, 0])
+
+
 def test_order_of_particles_does_not_matter():
     x = np.random.default_rng(11).uniform(0.0, 8.0 * S, (64, 2))
     order = np.random.default_rng(12).permutation(64)
