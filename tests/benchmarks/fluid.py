@@ -2,6 +2,13 @@
 
 Run as ``python tests/benchmarks/fluid.py``. A dam break is run until its particles are in disorder; from that state
 each stage is then run in turn, and the minimum of the repeats counts. Single precision, 4 iterations, one thread.
+
+The floor of this design is the square root of each candidate, two in an iteration: with AVX-512 one register of 16 in
+12.6 cycles, during which the other 12 to 19 operations of a candidate find room. In 2D that is 3.1 registers x 8 x
+12.6 cycles, 99 ns a particle and step at 3.2 GHz; in 3D 10.5 registers, 335 ns. Measured are 165 to 180 and 600 ns:
+the rest is sorting (12 and 20 ns), copying candidates (8 x 3 and 8 x 11 ns), adding up lanes, and loops that end
+unforeseen. In 3D five of six candidates are no neighbours; lists of neighbours would have to fetch through indices,
+and were not tried.
 """
 
 from __future__ import annotations
@@ -69,12 +76,13 @@ def displacing(fluid, state, h, sweeps):
 
 STAGES = {
     "walls and sort": (sorting, 1),
-    "gather": (gathering, ITERATIONS),
+    "gather": (gathering, 0),
     "copy candidates": (picking, 0),
     "multipliers": (multipliers, ITERATIONS),
     "displacements": (displacing, ITERATIONS),
 }
-"""Stage -> kernel, how often in a step; candidates are copied in both passes of an iteration."""
+"""Stage -> kernel, how often in a step. Positions are gathered in each iteration only if there are other batches;
+candidates are copied in both passes of an iteration, which hold that."""
 
 
 def scene(counts, support, precision):
