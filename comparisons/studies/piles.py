@@ -26,7 +26,7 @@ LONG = 0.5
 """Seconds: a run that takes longer is timed once."""
 
 GROWTH = 1.5
-"""Exponent with which cost is taken to grow with the number of boxes; that of dense solvers grows faster than others."""
+"""Exponent with which cost is taken to grow with the number of boxes; that of dense solvers grows faster."""
 
 LARGE, PROBE = 200, 10
 """A first pile so large is preceded by one of PROBE times fewer boxes, so that no engine starts on hours of work."""
