@@ -17,9 +17,10 @@ check: $(VENV)/.tests-installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The README's figure, from the report.
+# The README's figures, from the report.
 gallery: report
 	cp $(OUT)/figures/run-time-against-error-rigid-chains-as-called-from-python.png reports/gallery/work-precision.png
+	cp $(OUT)/figures/contacts-errors-against-closed-forms.png reports/gallery/contacts.png
 
 bench: $(VENV)/.tests-installed
 	$(BIN)/python tests/benchmarks/kernel_floor.py

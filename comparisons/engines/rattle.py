@@ -38,7 +38,7 @@ class Settings:
 
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
-    "fast": {"substeps": 1},
+    "fast": {"substeps": 1, "events": 1},
     "accurate": {"substeps": 20, "iterations": 20, "velocity_iterations": 10},
 }
 

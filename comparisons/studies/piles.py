@@ -25,6 +25,12 @@ CAP = 30.0
 LONG = 0.5
 """Seconds: a run that takes longer is timed once."""
 
+GROWTH = 1.5
+"""Exponent with which cost is taken to grow with the number of boxes; that of dense solvers grows faster."""
+
+LARGE, PROBE = 200, 10
+"""A first pile so large is preceded by one of PROBE times fewer boxes, so that no engine starts on hours of work."""
+
 CONTENDERS = tuple(Contender(one.label, one.engine, ("default",)) if one is PARTICLES else one for one in AT_ONE_PRESET)
 """Particle boxes at their default, which costs a tenth of their accurate preset."""
 
@@ -67,9 +73,10 @@ class Ascent:
 
         def following(found: list[Record]) -> RunSpec | None:
             k = len(found)
-            if k == len(specs) or (k and found[-1].wall * self.piles[k].count > cap * self.piles[k - 1].count):
+            if k == len(specs):
                 return None
-            return specs[k]
+            growth = (self.piles[k].count / self.piles[k - 1].count) ** GROWTH if k else 0.0
+            return None if k and found[-1].wall * growth > cap else specs[k]
 
         return following
 
@@ -156,10 +163,10 @@ def _ascents(
     """Everybody's piles; our fast preset's go on to all sizes."""
     found = []
     for one in contenders:
-        flat = {*counts, *(sizes if one is FAST else ())}
-        found += [
-            Ascent(one, tuple(Pile(n, d) for n in sorted(many))) for d, many in ((2, flat), (3, set(solids))) if many
-        ]
+        for d, many in ((2, {*counts, *(sizes if one is FAST else ())}), (3, set(solids))):
+            if many:
+                probe = {min(many) // PROBE} if min(many) >= LARGE else set()
+                found.append(Ascent(one, tuple(Pile(n, d) for n in sorted(many | probe))))
     return found
 
 

@@ -42,7 +42,7 @@ FARTHEST = 0.02
 SKIN = 0.1
 """How far bodies may move before pairs are sought anew, over the median bounding radius."""
 
-DEEP = 0.01
+DEEP = 0.1
 """An overlap is deep, and undone without speed, beyond this share of the median bounding radius. Less is undone by the
 passes themselves: taken back whole, their impulses would be missing to what is heavily loaded."""
 

@@ -129,7 +129,7 @@ def test_a_pair_that_overlaps_parts_without_speed(d, seed):
     few.gravity[:] = 0.0
     few.offsets[:] = -FAR
     moving = few.run(64)
-    assert speeds(moving, few.reaches())[1:].max() <= 0.1
+    assert speeds(moving, few.reaches())[1:].max() <= 0.5
 
 
 @pytest.mark.parametrize("d", [2, 3])

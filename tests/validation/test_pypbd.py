@@ -115,7 +115,7 @@ def test_its_own_findings_are_what_the_closed_forms_say():
 @pytest.mark.parametrize("iterations", [1, 7])
 def test_xpbd_spring_at_rest_stretches_by_m_g_alpha(iterations):
     """A hung mass settles at m g alpha for each number of iterations, here with g of another planet."""
-    scene = chain(1, compliance=1e-3, angles=0.0, gravity=3.0, duration=60.0, samples=10)
+    scene = chain(1, compliance=1e-3, angles=0.0, gravity=3.0, duration=10.0, samples=10)
     out = simulate(scene, dt=0.01, iterations=iterations)
     assert -out.positions[-1, 1, 1] - 1.0 == pytest.approx(3.0 * 1e-3, rel=1e-9)
 
@@ -193,7 +193,7 @@ def test_velocities_are_the_same_however_they_are_read():
 @pytest.mark.parametrize("links", [1, 2])
 def test_rods_and_springs_converge_with_order_one(links):
     for compliance in (0.0, 1e-2 / links**2):
-        assert 0.9 < order(chain(links, compliance=compliance), (1e-3, 5e-4, 2.5e-4)) < 1.1
+        assert 0.9 < order(chain(links, compliance=compliance), (2e-3, 1e-3, 5e-4)) < 1.1
 
 
 def test_sub_steps_are_steps():
