@@ -34,6 +34,16 @@ def broadcast(field: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
     return np.broadcast_to(array, shape).copy()
 
 
+def unit_vectors(field: str, values: Any, dimensions: tuple[int, ...]) -> np.ndarray:
+    """(m, d) of length 1, from (d,) or (m, d); refused when d is none of ``dimensions``, or a length is 0."""
+    vectors = np.atleast_2d(real_array(field, values))
+    lengths = np.linalg.norm(vectors, axis=-1)
+    if vectors.ndim != 2 or vectors.shape[1] not in dimensions or not np.all(lengths > 0.0):
+        allowed = f"of {' or '.join(map(str, dimensions))} components and length > 0"
+        raise InvalidInput(field, np.asarray(values).tolist(), allowed)
+    return vectors / lengths[:, None]
+
+
 def number(field: str, value: Any, low: float, high: float, allowed: str) -> float:
     """``value`` as a float; refused when it is no finite real number in [low, high]."""
     if not Rule("real", low=low, high=high).holds(value):

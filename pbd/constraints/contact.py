@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.arrays import broadcast, indices, number, real_array
+from pbd.arrays import broadcast, indices, number, unit_vectors
 from pbd.collision.plane import Planes, closest_point, height, ray_cast
 from pbd.errors import InvalidInput
 from pbd.jit import device
@@ -154,15 +154,14 @@ def plane_contact(
     InvalidInput : a value outside its range
     """
     n, d = particles.w.shape[0], len(particles.x)
-    normals = np.atleast_2d(real_array("normal", normal))
-    lengths = np.linalg.norm(normals, axis=-1)
-    if normals.ndim != 2 or normals.shape[1] != d or len(lengths) == 0 or not np.all(lengths > 0.0):
+    normals = unit_vectors("normal", normal, (d,))
+    if len(normals) == 0:
         raise InvalidInput("normal", np.asarray(normal).tolist(), f"of {d} components and length > 0")
     tested = indices("candidates", np.arange(n) if candidates is None else candidates, n)
     tested = tested[particles.w[tested] > 0.0]
     slots = len(tested) * len(normals)
     return Contact(
-        planes=Planes(to_store(normals / lengths[:, None]), broadcast("offset", offset, (len(normals),))),
+        planes=Planes(to_store(normals), broadcast("offset", offset, (len(normals),))),
         friction=number("friction", friction, 0.0, math.inf, "finite and >= 0"),
         restitution=number("restitution", restitution, 0.0, 1.0, "a number in [0, 1]"),
         gravity=number("gravity", gravity, 0.0, math.inf, "finite and >= 0 m/s^2"),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.arrays import broadcast, indices, real_array
+from pbd.arrays import broadcast, indices, unit_vectors
 from pbd.collision.plane import Planes, height
 from pbd.constraints.grip import Grip, new_grip, open_contact, press
 from pbd.errors import InvalidInput
@@ -84,14 +84,11 @@ def corner_planes(
     """
     d = len(particles.x)
     index = corners_of(particles, corners)
-    normals = np.atleast_2d(real_array("normal", normal))
-    lengths = np.linalg.norm(normals, axis=-1)
-    if normals.ndim != 2 or normals.shape[1] != d or not np.all(lengths > 0.0):
-        raise InvalidInput("normal", np.asarray(normal).tolist(), f"of {d} components and length > 0")
+    normals = unit_vectors("normal", normal, (d,))
     candidates = index.ravel()[particles.w[index.ravel()] > 0.0]
     slots = len(candidates) * len(normals)
     return CornerPlanes(
-        planes=Planes(to_store(normals / lengths[:, None]), broadcast("offset", offset, (len(normals),))),
+        planes=Planes(to_store(normals), broadcast("offset", offset, (len(normals),))),
         candidates=candidates,
         margin=margin_of(particles, index),
         filled=np.zeros(1, dtype=np.int64),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pbd.arrays import broadcast, indices, number, real_array
+from pbd.arrays import broadcast, indices, number, unit_vectors
 from pbd.collision.plane import Planes
 from pbd.errors import InvalidInput, unknown
 from pbd.fluid.cells import new_cells, sorted_array
@@ -119,11 +119,8 @@ def _members(particles: Particles, members: Any) -> np.ndarray:
 def _planes(normal: Any, offset: Any, d: int) -> Planes:
     if normal is None:
         return Planes(to_store(np.zeros((0, d))), np.zeros(0))
-    normals = np.atleast_2d(real_array("normal", normal))
-    lengths = np.linalg.norm(normals, axis=-1)
-    if normals.ndim != 2 or normals.shape[1] != d or not np.all(lengths > 0.0):
-        raise InvalidInput("normal", np.asarray(normal).tolist(), f"of {d} components and length > 0")
-    return Planes(to_store(normals / lengths[:, None]), broadcast("offset", offset, (len(normals),)))
+    normals = unit_vectors("normal", normal, (d,))
+    return Planes(to_store(normals), broadcast("offset", offset, (len(normals),)))
 
 
 def _law(law: Any) -> Any:

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from pbd.arrays import broadcast, number, real_array
+from pbd.arrays import broadcast, number, unit_vectors
 from pbd.collision.cells import new_cells
 from pbd.collision.plane import Planes
 from pbd.errors import InvalidInput
 from pbd.rigid.bodies import Bodies
 from pbd.rigid.contacts import SKIN, Contacts
-from pbd.vector import zeros
+from pbd.vector import to_store, zeros
 
 PAIRS_PER_BODY = {2: 6, 3: 14}
 """Room for candidate pairs to begin with; a run that needs more starts again with it."""
@@ -30,12 +30,8 @@ def planes(normals: Any, offsets: Any = 0.0) -> Planes:
     ------
     InvalidInput : a normal of length 0, offsets that do not fit
     """
-    given = np.atleast_2d(real_array("normals", normals))
-    lengths = np.linalg.norm(given, axis=-1)
-    if given.ndim != 2 or given.shape[1] not in (2, 3) or not np.all(lengths > 0.0):
-        raise InvalidInput("normals", np.asarray(normals).tolist(), "of 2 or 3 components and length > 0")
-    unit = given / lengths[:, None]
-    return Planes(tuple(np.ascontiguousarray(axis) for axis in unit.T), broadcast("offsets", offsets, (len(unit),)))
+    unit = unit_vectors("normals", normals, (2, 3))
+    return Planes(to_store(unit), broadcast("offsets", offsets, (len(unit),)))
 
 
 def contacts(

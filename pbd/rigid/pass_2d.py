@@ -255,7 +255,6 @@ def turn_over(hot, cold, bodies, h, mu, restitution):
     sticks = a + b > 0.0 and abs(t) < mu * (a + b)
     cold["slip"] = h * (ut + hot["wt"]) if sticks else 0.0
     refresh(hot, cold, bodies, a, b)
-    cold["rest_a"], cold["rest_b"], cold["rest_t"] = a, b, t
     hot["low_a"] = -a
     hot["low_b"] = -b
     hot["spent_n"], hot["spent_t"] = a + b, t

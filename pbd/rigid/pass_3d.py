@@ -156,13 +156,10 @@ def inverse_weight(row, c, bodies, i, j, column):
 
 @device
 def contact_speeds(rows, c, bodies):
-    """Keep J v of all rows."""
+    """Keep J v of the normals."""
     row, v = rows.row, both_motions(bodies.motion, rows.pair[c, 0], rows.pair[c, 1])
     for k in range(rows.pair[c, 2]):
         rows.before[c, k] = speed_along(row, c, at.NORMAL, at.ARMS + 12 * k, v)
-    rows.before[c, 4] = speed_along(row, c, at.TANGENT, at.SLIP, v)
-    rows.before[c, 5] = speed_along(row, c, at.BINORMAL, at.SLIP + 12, v)
-    rows.before[c, 6] = twist_speed(row, c, v)
 
 
 @device
@@ -250,7 +247,6 @@ def turn_over(rows, c, bodies, h, friction, restitution):
     row[c, at.SPENT + 3], row[c, at.SPENT + 4] = lever, twist
     for k in range(points):
         spent, impact = row[c, at.IMPULSE + k], rows.impact[c, k]
-        rows.before[c, k] = spent
         row[c, at.LOW + k] = -spent
         row[c, at.BIAS + k] = after(rows.gap[c, k], spent, impact, restitution)
     for r in range(7):

@@ -26,13 +26,12 @@ sweep's change, and the conjugate direction; K."""
 
 COLD = record(
     "plane owner feature_a feature_b",
-    "local_nx local_ny iax iay ibx iby jax jay jbx jby gap_a gap_b share slip rest_a rest_b rest_t force_a force_b"
+    "local_nx local_ny iax iay ibx iby jax jay jbx jby gap_a gap_b share slip rest_a rest_b force_a force_b"
     " force_t impact_a impact_b",
 )
 """The plane, or -1; in whose frame the normal is fixed (0: i, 1: j), and the normal there; arms of both points in both
 frames; gaps [m]; how much of the contact is at b; what a sticking contact has slipped [m]: to be undone; speeds at the
-start of the sub-step, then the impulses of its position pass; forces of the last velocity pass [N]; speeds of impacts
-[m/s], 0 for none."""
+start of the sub-step; forces of the last velocity pass [N]; speeds of impacts [m/s], 0 for none."""
 
 KEPT = record("i j plane feature_a feature_b", "force_a force_b force_t slip")
 """What a contact remembers while pairs are sought anew."""
@@ -83,7 +82,7 @@ class Rows2(NamedTuple):
     def mark_row(self, c, bodies):
         cold = self.cold[c]
         hot = self.hot[c]
-        cold["rest_a"], cold["rest_b"], cold["rest_t"] = speeds(hot, bodies.motion)
+        cold["rest_a"], cold["rest_b"], _ = speeds(hot, bodies.motion)
         hot["a"] = hot["b"] = hot["t"] = 0.0
 
     def warm_start_row(self, c, bodies, h):

@@ -21,7 +21,7 @@ class Rows3(NamedTuple):
     feature (m, 7) : of each point the features that touch; the owner of the normal; the axis that separated last
     local (m, 3 + 6 POINTS) : the normal in its owner's frame; arms of the points in both frames
     gap, share, impact (m, POINTS) : [m]; how much of the contact is there; speed of an impact [m/s], 0 for none
-    before (m, ROWS) : speeds at the start of the sub-step, then the impulses of its position pass
+    before (m, POINTS) : speeds at the start of the sub-step
     force (m, ROWS) : of the last velocity pass [N]
     drift (m, 3) : what sticking contacts have slipped [m] and twisted [rad]: to be undone
     kept_pair, kept_feature, kept_force, kept_drift : the same while pairs are sought anew
@@ -151,7 +151,7 @@ def new_rows(capacity: int) -> Any:
         real(POINTS),
         real(POINTS),
         real(POINTS),
-        real(ROWS),
+        real(POINTS),
         real(ROWS),
         real(3),
         *remembered,
