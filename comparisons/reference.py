@@ -38,6 +38,8 @@ def solve(scene: Scene, rtol: float = RTOL, atol: float = ATOL) -> Trajectory:
 
 def form(scene: Scene) -> ChainAngles | RigidPair | Cartesian:
     """The scene's equations of motion; raises `NoReference` where no form fits."""
+    if scene.fluid is not None:
+        raise NoReference("a fluid's particles have no equations of motion that all methods share")
     if not scene.of(Rods):
         return Cartesian(scene)
     return ChainAngles(scene) if scene.masses.pinned else RigidPair(scene)

@@ -144,9 +144,15 @@ def _record(bound: Bound, *, status: Status, steps: int = 0, **measured: Any) ->
         method=settings.get("method", spec.engine),
         preset=spec.preset,
         settings=settings,
-        dt=settings.get("dt"),
+        dt=_step(bound.scene, settings, steps),
         steps=steps,
         seed=spec.seed,
         status=status,
         **measured,
     )
+
+
+def _step(scene: Scene, settings: dict[str, Any], steps: int) -> float | None:
+    """dt [s]; where an engine has chosen it, what it has come to."""
+    own = "dt" in settings and settings["dt"] is None and steps > 0
+    return scene.duration / steps if own else settings.get("dt")

@@ -58,6 +58,29 @@ class Springs:
 
 
 @dataclass(frozen=True)
+class Fluid:
+    """That a scene's point masses, which stand for equal volumes, are an incompressible fluid, or float in it.
+
+    spacing : of the point masses in a square or cubic lattice at rest density [m]
+    density : rho0 [kg/m^d]; a point mass of fluid has rho0 spacing^d
+    speed : what the fluid typically reaches [m/s], by which engines choose their steps and the speed of sound
+    solids : groups of indices of point masses, each group one rigid body
+    obstacles : opposite corners, low and high (d,) [m], of boxes that nothing enters
+    """
+
+    spacing: float
+    density: float
+    speed: float
+    solids: tuple[np.ndarray, ...] = ()
+    obstacles: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+
+    @property
+    def solid(self) -> np.ndarray:
+        """Indices of all point masses that are part of a solid."""
+        return np.concatenate([np.zeros(0, dtype=np.int64), *self.solids])
+
+
+@dataclass(frozen=True)
 class Scene:
     """A complete description.
 
@@ -67,6 +90,7 @@ class Scene:
     duration [s], samples : recorded at 0 and at ``samples`` equally spaced times up to ``duration``
     metrics : names of the metrics that make sense, the default of a run
     bodies, planes : rigid bodies and the half-spaces they fall on; a scene has either point masses or bodies
+    fluid : what makes a fluid of the point masses; ``planes`` are its walls
     friction, restitution : Coulomb's and Newton's coefficient of every contact
     exact : the motion in closed form at given times [s], where there is one
     known : name -> closed-form value that a metric of the same name compares with
@@ -82,6 +106,7 @@ class Scene:
     metrics: tuple[str, ...]
     bodies: Bodies | None = None
     planes: Planes | None = None
+    fluid: Fluid | None = None
     friction: float = 0.0
     restitution: float = 0.0
     exact: Callable[[np.ndarray], Trajectory] | None = None

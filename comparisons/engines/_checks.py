@@ -27,6 +27,8 @@ def beyond_rods_and_springs(scene: Scene) -> str:
     """Why an engine that knows rods and springs cannot run the scene; empty when it can."""
     if scene.bodies is not None:
         return "the scene has rigid bodies, and the engine knows point masses only"
+    if scene.fluid is not None:
+        return "the scene has a fluid, and the engine knows point masses and links only"
     known = all(isinstance(link, Rods | Springs) for link in scene.links)
     return "" if known else "the scene has links that are neither rods nor springs"
 

@@ -120,6 +120,8 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     check_scene(scene)
     masses, links = scene.masses, scene.links
     n = len(masses.masses) - 1
+    if scene.fluid is not None:
+        return "the scene has a fluid"
     if len(scene.gravity) != 2:
         return "the adapter embeds planar scenes only"
     if scene.of(Springs):

@@ -44,12 +44,8 @@ class Subject:
     @cached_property
     def energy(self) -> np.ndarray:
         """(s,) kinetic + potential + elastic energy of what can move [J]."""
-        scene, masses = self.scene, self.scene.masses
-        if scene.bodies is not None:
-            return self.kinetic - (self.trajectory.positions @ scene.gravity) @ self.moving_masses
-        m = np.where(masses.free, masses.masses, 0.0)
-        x, v = self.trajectory.positions, self.trajectory.velocities
-        total = 0.5 * np.sum(v**2, axis=2) @ m - (x @ scene.gravity) @ m
+        scene = self.scene
+        total = self.kinetic - (self.trajectory.positions @ scene.gravity) @ self.moving_masses
         for spring in scene.of(Springs):
             total = total + 0.5 * np.sum((self._lengths(spring) - spring.lengths) ** 2 / spring.compliances, axis=1)
         return total
@@ -73,13 +69,16 @@ class Subject:
 
     @cached_property
     def moving_masses(self) -> np.ndarray:
-        """(n,) masses of the bodies [kg], 0 for the fixed."""
-        return np.where(self.bodies.free, self.bodies.masses, 0.0)
+        """(n,) masses of the bodies or point masses [kg], 0 for the fixed."""
+        held = self.scene.masses if self.scene.bodies is None else self.scene.bodies
+        return np.where(held.free, held.masses, 0.0)
 
     @cached_property
     def kinetic(self) -> np.ndarray:
-        """(s,) kinetic energy of the bodies [J]."""
+        """(s,) kinetic energy of all that can move [J]."""
         linear = 0.5 * np.sum(self.trajectory.velocities**2, axis=2) @ self.moving_masses
+        if self.scene.bodies is None:
+            return linear
         return linear + 0.5 * np.sum(self.body_spins * self.body_momenta, axis=(1, 2))
 
     @cached_property
@@ -116,6 +115,20 @@ class Subject:
             return np.zeros(x.shape[:2])
         floor = int(np.argmin(scene.planes.normals @ scene.gravity))
         return x @ scene.planes.normals[floor] - scene.planes.offsets[floor]
+
+    @cached_property
+    def densities(self) -> np.ndarray:
+        """(s, n) rho/rho0 of the fluid's particles; `Refused` where there is no fluid."""
+        from comparisons.metrics import _water
+
+        return _water.densities(self)
+
+    @cached_property
+    def fronts(self) -> np.ndarray:
+        """(s,) where the farthest particle that is attached to the fluid ends along x [m]; `Refused` as above."""
+        from comparisons.metrics import _water
+
+        return _water.fronts(self)
 
     @property
     def rods(self) -> list[Rods]:

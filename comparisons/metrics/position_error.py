@@ -15,10 +15,11 @@ TITLE = "position error"
 def measure(subject: Subject) -> float:
     """Raises `Refused` where the scene has no reference, or is longer than its predictability horizon."""
     scene = subject.scene
+    if scene.exact is not None:
+        free = scene.masses.free if scene.bodies is None else scene.bodies.free
+        return _rms(subject.trajectory.positions - scene.exact(subject.trajectory.times).positions, free)
     if scene.bodies is not None:
-        if scene.exact is None:
-            raise Refused("position error of a scene without a closed form", "ask for other metrics")
-        return _rms(subject.trajectory.positions - scene.exact(subject.trajectory.times).positions, scene.bodies.free)
+        raise Refused("position error of a scene without a closed form", "ask for other metrics")
     try:
         reference, limit = store.reference(scene)
     except NoReference as reason:

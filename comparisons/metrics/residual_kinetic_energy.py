@@ -1,4 +1,4 @@
-"""Kinetic energy that is left at the end, of bodies that should have come to rest."""
+"""Kinetic energy that is left at the end, of what should have come to rest."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ TITLE = "residual kinetic energy"
 
 
 def measure(subject: Subject) -> float:
-    """Over the mass of all that can move, in the last sample; 0 where nothing can. `Refused` without bodies."""
+    """Over the mass of all that can move, in the last sample; 0 where nothing can."""
     mass = float(subject.moving_masses.sum())
     return float(subject.kinetic[-1]) / mass if mass > 0.0 else 0.0

@@ -1,0 +1,16 @@
+"""Distance of the front from Martin and Moyce's table 2 as it is: what slows the front, right or wrong, helps."""
+
+from __future__ import annotations
+
+from comparisons.metrics import Subject, _water
+from comparisons.water import FRONTS, experiment
+
+UNIT = "a"
+TITLE = "front, rms distance from experiment"
+
+
+def measure(subject: Subject) -> float:
+    """rms over the measured times that the run reaches, n^2 = 2."""
+    times, values = _water.dimensionless(subject)
+    measured = experiment(next(iter(FRONTS.values())))
+    return _water.misfit(times, values, measured, 0.0)
