@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from comparisons.studies.calibration import run as calibration
     from comparisons.studies.contacts import run as contacts
     from comparisons.studies.convergence import run as convergence
+    from comparisons.studies.dam_break import run as dam_break
     from comparisons.studies.falling import run as falling
     from comparisons.studies.implicit_euler import run as implicit_euler
     from comparisons.studies.piles import run as piles
@@ -34,6 +35,7 @@ _HOME = {
     "Study": ("study", "Study"),
     "calibration": ("studies.calibration", "run"),
     "contacts": ("studies.contacts", "run"),
+    "dam_break": ("studies.dam_break", "run"),
     "falling": ("studies.falling", "run"),
     "piles": ("studies.piles", "run"),
     "stacking": ("studies.stacking", "run"),
@@ -56,6 +58,7 @@ __all__ = [
     "calibration",
     "contacts",
     "convergence",
+    "dam_break",
     "execute",
     "falling",
     "implicit_euler",

@@ -20,7 +20,7 @@ from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatt
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
 from reports import animation, dots
-from reports.style import RC, colour, looks, marker
+from reports.style import MARKERS, RC, colour, looks, marker
 
 FORMATS = ("png", "svg")
 DPI = 130
@@ -41,6 +41,9 @@ LETTERS = 26
 """Of the legend, that fit into a line of it."""
 
 LOST: dict[str, Any] = {"marker": "x", "markersize": 7, "markeredgewidth": 2.2, "zorder": 5}
+EXPERIMENT: dict[str, Any] = {
+    "linestyle": "none", "color": "black", "markerfacecolor": "white", "markersize": 6, "zorder": 6
+}  # fmt: skip
 TRADE = 8.0
 """Size of a marker that stands alone."""
 
@@ -135,7 +138,8 @@ def _panel_of(cell: Cell) -> Panel:
 
 def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict], heading: str) -> dict[str, Any]:
     """Draw the series of one panel; returns label -> artist for the legend."""
-    ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y, title=heading)
+    scale = "linear" if panel.linear else "log"
+    ax.set(xscale=scale, yscale=scale, xlabel=panel.x, ylabel=panel.y, title=heading)
     handles: dict[str, Any] = {}
     lost: dict[str, Any] = {}
     for series in group:
@@ -145,6 +149,9 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
             ax.plot(series.x, series.y, color=colour(series), linestyle=":", markevery=[-1], **LOST)
             shade = "#666666" if series.x[1:] else colour(series)
             lost[series.label] = Line2D([], [], color=shade, linestyle="none", **LOST)
+        elif series.kind == "experiment":
+            look = {**EXPERIMENT, "marker": MARKERS[sum(s.kind == "experiment" for s in group[: group.index(series)])]}
+            (handles[series.label],) = ax.plot(series.x, series.y, **look)
         elif series.kind == "trade":
             (handles[series.label],) = ax.plot(series.x, series.y, **marker(series, TRADE))
         elif series.x:
@@ -157,7 +164,8 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
 
 def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
     """Give panels with equal axis labels equal ranges, so that the eye may compare them."""
-    placed = [(ax, _panel_of(cell)) for ax, cell in zip(axes, cells, strict=False) if ax.lines]
+    drawn = [(ax, _panel_of(cell)) for ax, cell in zip(axes, cells, strict=False) if ax.lines]
+    placed = [(ax, panel) for ax, panel in drawn if not panel.linear]
     for axis in ("x", "y"):
         for label in {getattr(panel, axis) for _, panel in placed}:
             alike = [(ax, panel) for ax, panel in placed if getattr(panel, axis) == label]

@@ -17,6 +17,7 @@ COLOURS = {
     "dop853": "#444444",
     "rattle": "#000000",
     "particle_boxes": "#882255",
+    "pbf": "#004D80",
 }
 TITLES = {
     "pbd": "PBD",
@@ -29,6 +30,7 @@ TITLES = {
     "dop853": "DOP853",
     "rattle": "RATTLE contacts",
     "particle_boxes": "PBD particle boxes",
+    "pbf": "PBF",
     "": "none in the budget",
 }
 OTHER = "#8C564B"
@@ -73,7 +75,7 @@ def looks(group: list[Series]) -> dict[str, dict]:
     ranks: dict[str, int] = {}
     found: dict[str, dict] = {}
     for series in group:
-        if series.label in found or series.kind in ("points", "lost"):
+        if series.label in found or series.kind in ("points", "lost", "experiment"):
             continue
         rank = ranks[series.engine] = ranks.get(series.engine, -1) + 1
         thickness = max(1.2, 2.4 - 0.3 * list(ranks).index(series.engine))
@@ -83,6 +85,8 @@ def looks(group: list[Series]) -> dict[str, dict]:
             "linewidth": thickness,
             "markersize": 2.0 + 1.7 * thickness,
         }
+        if series.kind == "curve":
+            found[series.label].update(marker="none")
         if series.kind == "closed form":
             found[series.label] = {"linestyle": "-", "linewidth": 7.0, "alpha": 0.35, "zorder": 1}
     return found
