@@ -62,8 +62,8 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
     """Points of one engine and setting in one panel, or a closed form (``engine`` empty).
 
     kind : "measured"; "curve", without markers; "experiment", markers alone; "front", the best of an engine;
-        "points", all settings that were tried; "trade", a setting, where less is better on both axes; "lost", where an
-        engine failed; "closed form"
+        "points", all settings that were tried; "trade", a setting, where less is better on both axes; "lost", where a
+        line of an engine ends; "held" and "failed", points of a map; "closed form"; "bound", a limit in closed form
     """
 
     panel: str

@@ -15,7 +15,7 @@ matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
@@ -44,6 +44,12 @@ LOST: dict[str, Any] = {"marker": "x", "markersize": 7, "markeredgewidth": 2.2, 
 EXPERIMENT: dict[str, Any] = {
     "linestyle": "none", "color": "black", "markerfacecolor": "white", "markersize": 6, "zorder": 6
 }  # fmt: skip
+MAP: dict[str, dict[str, Any]] = {
+    "held": {"linestyle": "none", "marker": "o", "markersize": 6},
+    "failed": {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2.0},
+}
+"""Of points of a map."""
+
 TRADE = 8.0
 """Size of a marker that stands alone."""
 
@@ -152,6 +158,8 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
         elif series.kind == "experiment":
             look = {**EXPERIMENT, "marker": MARKERS[sum(s.kind == "experiment" for s in group[: group.index(series)])]}
             (handles[series.label],) = ax.plot(series.x, series.y, **look)
+        elif series.kind in MAP:
+            (handles[series.label],) = ax.plot(series.x, series.y, color=colour(series), **MAP[series.kind])
         elif series.kind == "trade":
             (handles[series.label],) = ax.plot(series.x, series.y, **marker(series, TRADE))
         elif series.x:
@@ -184,7 +192,7 @@ def _ticks(axis: Any, ratio: float) -> None:
         axis.set_minor_locator(NullLocator() if ratio > MANY_DECADES else LogLocator(subs="auto"))
     elif ratio > 5.0:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(10, 10)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     else:
         axis.set_major_locator(MaxNLocator(5))
         axis.set_major_formatter(ScalarFormatter())

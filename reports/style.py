@@ -41,6 +41,9 @@ CHEAPER = ("default", "fast")
 """Presets whose markers are hollow beside another of the same engine."""
 
 CLOSED_FORM = "#999999"
+HELD, FAILED = "#0072B2", "#D55E00"
+UNLINED = ("points", "lost", "experiment", "held", "failed")
+"""Kinds of series that are markers alone."""
 
 LINES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -64,7 +67,9 @@ RC: dict[Any, Any] = {
 
 def colour(series: Series) -> str:
     """The engine's colour; grey for closed forms."""
-    return CLOSED_FORM if series.kind == "closed form" else COLOURS.get(series.engine, OTHER)
+    if series.kind in ("held", "failed"):
+        return HELD if series.kind == "held" else FAILED
+    return CLOSED_FORM if series.kind in ("closed form", "bound") else COLOURS.get(series.engine, OTHER)
 
 
 def looks(group: list[Series]) -> dict[str, dict]:
@@ -75,7 +80,7 @@ def looks(group: list[Series]) -> dict[str, dict]:
     ranks: dict[str, int] = {}
     found: dict[str, dict] = {}
     for series in group:
-        if series.label in found or series.kind in ("points", "lost", "experiment"):
+        if series.label in found or series.kind in UNLINED:
             continue
         rank = ranks[series.engine] = ranks.get(series.engine, -1) + 1
         thickness = max(1.2, 2.4 - 0.3 * list(ranks).index(series.engine))
@@ -87,6 +92,8 @@ def looks(group: list[Series]) -> dict[str, dict]:
         }
         if series.kind == "curve":
             found[series.label].update(marker="none")
+        if series.kind == "bound":
+            found[series.label] = {"linestyle": "--", "linewidth": 1.5, "zorder": 1}
         if series.kind == "closed form":
             found[series.label] = {"linestyle": "-", "linewidth": 7.0, "alpha": 0.35, "zorder": 1}
     return found

@@ -165,3 +165,8 @@ def fitted(times: np.ndarray, values: np.ndarray, measured: np.ndarray) -> tuple
     left = [misfit(times, values, measured, offset) for offset in offsets]
     best = int(np.argmin(left))
     return float(offsets[best]), left[best]
+
+
+def neighbours(x: np.ndarray, reach: float) -> float:
+    """Mean number of others within ``reach`` [m] of particles at x (n, d)."""
+    return 2.0 * len(KDTree(x).query_pairs(reach, output_type="ndarray")) / len(x)

@@ -35,8 +35,8 @@ ACROSS, SHOWN = (10, 20, 40), 20
 FRAMES = 20
 """In a unit of T, where a film is made; else half of them."""
 
-LAST = 3.2
-"""Later measurements are not drawn."""
+LAST, BOUNDED = 3.2, 1.6
+"""T of the last measurement that is drawn, and of the last point of Ritter's bound."""
 
 VIEW = (-0.1, 4.7, -0.1, 2.3)
 """What the film shows: x from and to, y from and to [a]."""
@@ -216,12 +216,13 @@ def _measurements() -> list[Series]:
         for label, file in files.items()
         for xs, ys in [experiment(file)[experiment(file)[:, 0] <= LAST].T]
     ]
-    lines = {"numerical reference": (reference.times, reference.values)}
-    bound = np.linspace(0.0, 1.5, 4)
-    lines["Ritter, upper bound"] = (bound, ritter(bound))
+    bound = np.linspace(0.0, BOUNDED, 4)
     return found + [
-        Series(panel="front", label=label, engine="", x=xs.tolist(), y=ys.tolist(), kind="closed form")
-        for label, (xs, ys) in lines.items()
+        Series(panel="front", label=label, engine="", x=xs.tolist(), y=ys.tolist(), kind=kind)
+        for label, kind, xs, ys in (
+            ("numerical reference", "closed form", reference.times, reference.values),
+            ("Ritter, upper bound", "bound", bound, ritter(bound)),
+        )
     ]
 
 
