@@ -84,7 +84,8 @@ def _filled(scene: Scene, x: np.ndarray) -> np.ndarray:
         free *= 1.0 - _beside((x @ normal - offset) / spacing, d)
     for low, high in fluid_of(scene).obstacles:
         faces = np.concatenate([low - x, x - high], axis=1) / spacing
-        free *= 1.0 - np.prod(_beside(faces, d), axis=1)
+        deep = _plane_table(d)[1][0]
+        free *= 1.0 - deep * np.prod(_beside(faces, d) / deep, axis=1)
     return 1.0 - free
 
 

@@ -90,7 +90,7 @@ def run(
     limits, records = measure([list(across), list(across_sph)], workers, quiet)
     times = np.linspace(0.0, 3.0, SAMPLES + 1)
     rows = table_of(limits)
-    at = [int(round(t * SAMPLES / 3.0)) for t in SHOWN]
+    at = [round(t * SAMPLES / 3.0) for t in SHOWN]
     return Study(
         kind="front_reference",
         title="The front of the dam break in the limit of fine particles",
