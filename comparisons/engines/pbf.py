@@ -24,6 +24,7 @@ TITLE = "PBF"
 FOREIGN = False
 METHODS = ("pbf", "xpbd")
 PRECISIONS = ("float64", "float32")
+RESTS = ("lattice", "start")
 KERNELS = ("wendland", "poly6_spiky")
 
 SUPPORT = {2: 2.5, 3: 2.0}
@@ -49,6 +50,7 @@ class Settings:
     viscosity: float = fields.real(0.0, "1", 0.0, 1.0, "c of XSPH")
     confinement: float = fields.real(0.0, "1/s", 0.0, 1e6, "of vorticity")
     repulsion: float = fields.real(0.0, "1", 0.0, 1e6, "k of s_corr")
+    rest: str = fields.choice("lattice", RESTS, "density at rest: a lattice's, or the start's")
     k: float = fields.real(1.0, "1", 0.0, 1.0, "PBD stiffness, with pbf")
     raw: bool = fields.flag(False, "apply k itself in each iteration instead of k'")
     compliance: float = fields.real(0.0, "1/J", 0.0, 1e12, "with xpbd")
@@ -66,7 +68,7 @@ class Settings:
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {"precision": "float32"},
-    "accurate": {"courant": 0.04, "iterations": 2, "omega": 0.5, "half_kick": True},
+    "accurate": {"courant": 0.04, "iterations": 2, "omega": 0.5},
 }
 SWEEP: list[dict[str, Any]] = [{}, {"method": "xpbd"}, {"iterations": 1, "omega": 0.25}, {"iterations": 10}]
 
@@ -161,6 +163,7 @@ def _density(scene: Scene, particles: Any, settings: Settings) -> Any:
         viscosity=settings.viscosity,
         confinement=settings.confinement,
         repulsion=settings.repulsion,
+        rest=settings.rest,
         **walls,
     )
 

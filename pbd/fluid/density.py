@@ -30,6 +30,7 @@ from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.cells import Cells, sort
 from pbd.fluid.kernels import Poly6Spiky, Wendland
+from pbd.fluid.rest import Start, arrange, missing, remember
 from pbd.fluid.sums import density_sums, push_sums
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity, confine, smooth
@@ -79,6 +80,7 @@ class Density(NamedTuple):
     softness: float
     omega: float
     law: Any
+    rest: Start | None
     unit: Unit
     position: Store
     velocity: Store
@@ -101,7 +103,12 @@ class Density(NamedTuple):
 
     def begin(self, state, h):
         reset(self.law)
+        remember(self.rest, self, state.particles.x)
         prepare(self, state.particles.p)
+        arrange(self.rest, self)
+
+    def find_densities(self, x):
+        measure_at(self, x)
 
     def project(self, state, h):
         reread(self.sharing, self, state.particles.p)
@@ -130,6 +137,11 @@ def densities(fluid: Density, positions: Any) -> np.ndarray:
 @kernel
 def measure(fluid, x):
     """Densities at x, in sorted order."""
+    measure_at(fluid, x)
+
+
+@routine
+def measure_at(fluid, x):
     sort(fluid.cells, x)
     gather(fluid.cells, x, fluid.position)
     find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
@@ -198,7 +210,7 @@ def find_multiplier(fluid, k, h):
     """L_k from the sums."""
     gradient = load(fluid.gradient, k)
     weight = fluid.inverse_mass * (fluid.weight[k] + dot(gradient, gradient)) + fluid.softness
-    row = (0,), fluid.density[k] - like(weight, 1.0), (gradient,), (weight,)
+    row = (0,), fluid.density[k] - like(weight, 1.0) + missing(fluid.rest, k), (gradient,), (weight,)
     fluid.multiplier[k] = fluid.omega * fluid.inverse_mass * increment(fluid.law, k, row, fluid.unit, h)
 
 

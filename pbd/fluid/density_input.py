@@ -13,6 +13,7 @@ from pbd.errors import InvalidInput, unknown
 from pbd.fluid.cells import new_cells, sorted_array
 from pbd.fluid.density import Density, Sharing, Unit
 from pbd.fluid.kernels import KERNELS, lattice_sum, new_kernel, profile
+from pbd.fluid.rest import Start
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity
 from pbd.fluid.walls import new_walls
@@ -23,6 +24,7 @@ from pbd.vector import to_store
 REPULSION_DISTANCE = 0.2
 """Of h: where repulsion is k h^2; the paper has 0.1 to 0.3."""
 
+RESTS = ("lattice", "start")
 RELATIONS = ("at_most", "equality")
 
 
@@ -41,6 +43,7 @@ def density(
     confinement: float = 0.0,
     repulsion: float = 0.0,
     members: Any = None,
+    rest: str = "lattice",
 ) -> Density:
     """The particles as an incompressible fluid; its rest density is that of a lattice with this spacing.
 
@@ -59,6 +62,8 @@ def density(
     confinement : e of vorticity confinement, >= 0 [1/s]
     repulsion : k of s_corr, >= 0
     members : indices of the particles that are fluid; default all
+    rest : "lattice", rest density is that of a lattice, as published; "start", and what a particle lacks of it at the
+        start of a run it may lack for ever, see `pbd.fluid.rest`
 
     Raises
     ------
@@ -88,6 +93,7 @@ def density(
         softness=softness,
         omega=number("omega", omega, 1e-6, 2.0, "a number >= 1e-06 and <= 2"),
         law=law,
+        rest=_rest(rest, particles, n),
         unit=Unit(np.ones(1)),
         position=_sorted_store(n, d),
         velocity=_sorted_store(n, d),
@@ -114,6 +120,13 @@ def _members(particles: Particles, members: Any) -> np.ndarray:
     if len(w) and w.max() - w.min() > 1e-9 * w.max():
         raise InvalidInput("particles", f"masses from {1 / w.max():g} to {1 / w.min():g} kg", "of one mass in a fluid")
     return chosen
+
+
+def _rest(rest: str, particles: Particles, n: int) -> Start | None:
+    if rest not in RESTS:
+        raise unknown("rest", str(rest), RESTS)
+    whole = particles.w.shape[0]
+    return Start(np.zeros(whole), np.zeros(n), np.zeros(1, dtype=np.int64)) if rest == "start" else None
 
 
 def _planes(normal: Any, offset: Any, d: int) -> Planes:
