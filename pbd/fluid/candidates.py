@@ -33,17 +33,19 @@ def visit(task, k, first, last):
 
 
 @device
-def for_each(cells, values, task):
-    """`visit` for each sorted particle, with candidates of sorted ``values``, positions first.
+def for_each(cells, values, task, low, high):
+    """`visit` for each sorted particle of cells low, ..., high-1, with candidates of sorted ``values``, positions first.
 
     Those of a cell are copied before the particles of the cell before are visited, to the other half of ``near``: read
     at once, while what was written in other pieces still waits to leave the processor, they cost half as much again.
+    For the same reason cell ``high`` is copied in vain. Neither ``high`` nor a cell before the first particle may be one
+    whose neighbours are outside the arrays: `cut` gives such cells.
     """
     place, half = 0, cells.near[0].shape[0] // 2
     begin, end, first, last = 0, 0, 0, 0
-    for c in range(cells.last[0] + 1 if cells.placed[0] > 0 else 0):
+    for c in range(low, high + 1 if low < high else low):
         start, stop = cells.start[c], cells.start[c + 1]
-        if start < stop or c == cells.last[0]:
+        if start < stop or c == high:
             filled = pick(cells, c, values, place)
             for k in range(begin, end):
                 visit(task, k, first, last)

@@ -197,3 +197,34 @@ def fill(cells):
         k = cells.start[c]
         cells.start[c] = k + 1
         cells.particle[k] = cells.members[i]
+
+
+# ------------------------------------------------------------------ parts
+
+
+@device
+def cut(cells, piece, pieces):
+    """(low, high): cells low, ..., high-1 are this one of so many pieces with about equally many particles."""
+    placed = cells.placed[0]
+    low = first_place(cells.start, cells.last[0], placed * piece // pieces)
+    return low, first_place(cells.start, cells.last[0], placed * (piece + 1) // pieces)
+
+
+@device
+def sorted_places(cells, low, high):
+    """(first, last): sorted particles first, ..., last-1 are in cells low, ..., high-1. Without sign, as loops need
+    them: what may be negative is no vector's index."""
+    return np.uint64(cells.start[low]), np.uint64(cells.start[high])
+
+
+@device
+def first_place(ascending, count, value):
+    """The first of ``count`` places that holds at least ``value``; ``count`` if there is none."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if ascending[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    return low

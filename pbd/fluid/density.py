@@ -28,7 +28,7 @@ import numpy as np
 
 from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
-from pbd.fluid.cells import Cells, sort
+from pbd.fluid.cells import Cells, cut, first_place, sort, sorted_places
 from pbd.fluid.kernels import Poly6Spiky, Wendland
 from pbd.fluid.sums import density_sums, push_sums
 from pbd.fluid.terms import Repulsion
@@ -38,7 +38,8 @@ from pbd.intrinsics import multiply_add
 from pbd.jit import device, kernel
 from pbd.projection import increment, reset
 from pbd.routine import routine
-from pbd.vector import Store, accumulate, aligned, dot, like, load, scale, store
+from pbd.team import Team, new_team, together
+from pbd.vector import Store, accumulate, aligned, blank, dot, like, load, scale, store
 
 
 class Unit(NamedTuple):
@@ -57,6 +58,13 @@ class Sharing(NamedTuple):
 
     def reread(self, fluid, p):
         gather(fluid.cells, p, fluid.position)
+
+
+MULTIPLIERS, PUSHES, MOVES = range(3)
+"""Passes of an iteration, each of which needs the one before finished."""
+
+LEAST_PIECE = 64
+"""Particles in a piece of a pass."""
 
 
 class Density(NamedTuple):
@@ -91,6 +99,7 @@ class Density(NamedTuple):
     repulsion: Repulsion | None
     viscosity: Viscosity | None
     confinement: Confinement | None
+    team: Team | None
 
     def size(self):
         return self.cells.members.shape[0]
@@ -99,15 +108,33 @@ class Density(NamedTuple):
         """The same where no other batch moves particles."""
         return self._replace(sharing=None)
 
+    def with_team(self, threads: int) -> Density:
+        """The same for so many threads."""
+        return self._replace(team=new_team(threads, self.size() // LEAST_PIECE))
+
+    def for_helpers(self) -> list[Density]:
+        """One for each thread but the kernel's: candidates are a thread's own, all else is shared."""
+        return [self._replace(cells=own_candidates(self.cells)) for _ in range(1, self.team.threads)]
+
     def begin(self, state, h):
         reset(self.law)
         prepare(self, state.particles.p)
 
     def project(self, state, h):
         reread(self.sharing, self, state.particles.p)
-        find_multipliers(self, h)
-        displace(self, state.particles.p)
+        together(self.team, self, MULTIPLIERS, state, h)
+        together(self.team, self, PUSHES, state, h)
+        together(self.team, self, MOVES, state, h)
         state.work[0] += self.cells.members.shape[0]
+
+    def work(self, task, piece, pieces, state, h):
+        low, high = cut(self.cells, piece, pieces)
+        if task == MULTIPLIERS:
+            find_multipliers(self, h, low, high)
+        elif task == PUSHES:
+            find_pushes(self, low, high)
+        elif task == MOVES:
+            displace(self, state.particles.p, low, high)
 
     def end(self, state, h):
         confine(self.confinement, self, state.particles, h)
@@ -120,11 +147,17 @@ def densities(fluid: Density, positions: Any) -> np.ndarray:
     Infinite where a position is not finite, for lack of neighbours.
     """
     x = tuple(aligned(axis, fluid.density.dtype) for axis in np.asarray(positions).T)
-    measure(fluid._replace(law=None), x)  # which a user's fluid holds as chosen, a bound one as the kernels'
+    # the law a user's fluid holds as chosen, a bound one as the kernels'
+    measure(fluid._replace(law=None, team=None), x)
     found = np.full(int(fluid.cells.members.max()) + 1, np.inf)
     placed = fluid.cells.placed[0]
     found[fluid.cells.particle[:placed]] = fluid.density[:placed]
     return found[fluid.cells.members]
+
+
+def own_candidates(cells: Cells) -> Cells:
+    """The same cells with room of its own for candidates."""
+    return cells._replace(near=tuple(blank(len(axis), axis.dtype) for axis in cells.near))
 
 
 @kernel
@@ -133,8 +166,9 @@ def measure(fluid, x):
     sort(fluid.cells, x)
     gather(fluid.cells, x, fluid.position)
     find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
-    for_each(fluid.cells, fluid.position, DensitySums(fluid))
-    add_walls(fluid)
+    low, high = cut(fluid.cells, 0, 1)
+    for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
+    add_walls(fluid, low, high)
 
 
 @routine
@@ -175,22 +209,32 @@ class PushSums(NamedTuple):
 
 
 @routine
-def find_multipliers(fluid, h):
-    """L_i of all particles."""
-    for_each(fluid.cells, fluid.position, DensitySums(fluid))
-    add_walls(fluid)
-    for k in range(fluid.cells.placed[0]):
+def find_multipliers(fluid, h, low, high):
+    """L_i of the particles of cells low, ..., high-1."""
+    for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
+    add_walls(fluid, low, high)
+    first, last = sorted_places(fluid.cells, low, high)
+    for k in range(first, last):
         find_multiplier(fluid, k, h)
 
 
 @device
-def add_walls(fluid):
+def add_walls(fluid, low, high):
     """What walls give, and its gradient."""
-    for a in range(fluid.walls.found[0]):
+    first, last = places_near(fluid, low, high)
+    for a in range(first, last):
         k = fluid.walls.near[a]
         filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
         fluid.density[k] += filled
         accumulate(fluid.gradient, k, like(filled, 1.0), pull)
+
+
+@device
+def places_near(fluid, low, high):
+    """Which part of the list of particles near walls is in cells low, ..., high-1."""
+    near, found = fluid.walls.near, fluid.walls.found[0]
+    first, last = sorted_places(fluid.cells, low, high)
+    return first_place(near, found, first), first_place(near, found, last)
 
 
 @device
@@ -203,15 +247,22 @@ def find_multiplier(fluid, k, h):
 
 
 @routine
-def displace(fluid, p):
-    """p_i <- p_i + dp_i for all particles, kept from entering walls."""
+def find_pushes(fluid, low, high):
+    """sum_j L_j g (x_i - x_j) of the particles of cells low, ..., high-1."""
+    for_each(fluid.cells, fluid.position + (fluid.multiplier,), PushSums(fluid), low, high)
+
+
+@routine
+def displace(fluid, p, low, high):
+    """p_i <- p_i + dp_i for the particles of cells low, ..., high-1, kept from entering walls."""
     cells, position = fluid.cells, fluid.position
-    for_each(cells, position + (fluid.multiplier,), PushSums(fluid))
+    first, last = sorted_places(cells, low, high)
     for axis in range(len(p)):
-        for k in range(cells.placed[0]):
+        for k in range(first, last):
             moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
             position[axis][k] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
-    for a in range(fluid.walls.found[0]):
+    begin, end = places_near(fluid, low, high)
+    for a in range(begin, end):
         hold_back(fluid.walls, position, fluid.walls.near[a])
-    for k in range(cells.placed[0]):
+    for k in range(first, last):
         store(p, cells.particle[k], load(position, k))

@@ -109,16 +109,16 @@ class Spin(NamedTuple):
 def smooth_velocities(viscosity, fluid, particles):
     gather(fluid.cells, particles.x, fluid.position)
     gather(fluid.cells, particles.v, fluid.velocity)
-    for_each(fluid.cells, fluid.position + fluid.velocity, Drag(viscosity, fluid, particles))
+    for_each(fluid.cells, fluid.position + fluid.velocity, Drag(viscosity, fluid, particles), 0, fluid.cells.last[0])
 
 
 @routine
 def confine_velocities(confinement, fluid, particles, h):
     gather(fluid.cells, particles.x, fluid.position)
     gather(fluid.cells, particles.v, fluid.velocity)
-    for_each(fluid.cells, fluid.position + fluid.velocity, Curl(confinement, fluid))
+    for_each(fluid.cells, fluid.position + fluid.velocity, Curl(confinement, fluid), 0, fluid.cells.last[0])
     spin = Spin(confinement, fluid, particles, h * confinement.strength)
-    for_each(fluid.cells, fluid.position + (confinement.size,), spin)
+    for_each(fluid.cells, fluid.position + (confinement.size,), spin, 0, fluid.cells.last[0])
 
 
 @device
