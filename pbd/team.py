@@ -26,7 +26,7 @@ from pbd.intrinsics import add_shared, give_way, read_shared, replace_shared, wr
 from pbd.jit import kernel
 from pbd.routine import routine
 
-PIECES_PER_THREAD = 16
+PIECES_PER_THREAD = 8
 """In a pass. The last piece is waited for while others have none: with few, that is long; many begin too often."""
 
 LOOKS = 2048

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pbd.dispatch import stage
-from pbd.fluid.cells import FINE
+from pbd.fluid.cells import FINE, sorted_places
 from pbd.fluid.lanes import lanes, put_lanes, width
 from pbd.intrinsics import typed
 from pbd.jit import device
@@ -20,10 +20,11 @@ FAR = 1e15
 
 
 @device
-def gather(cells, x, values):
-    """values_k <- x of the k-th sorted particle."""
+def gather(cells, x, values, low, high):
+    """values_k <- x of the k-th sorted particle, for those in cells low, ..., high-1."""
+    first, last = sorted_places(cells, low, high)
     for axis in range(len(x)):
-        for k in range(cells.particle.shape[0]):
+        for k in range(first, last):
             values[axis][k] = x[axis][cells.particle[k]]
 
 

@@ -28,18 +28,19 @@ import numpy as np
 
 from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
-from pbd.fluid.cells import Cells, cut, first_place, sort, sorted_places
+from pbd.fluid.cells import Cells, cut, fill, laid, members_of, place, sort, sorted_places, with_own_candidates
 from pbd.fluid.kernels import Poly6Spiky, Wendland
 from pbd.fluid.sums import density_sums, push_sums
+from pbd.fluid.tasks import CURL, DRAG, FETCH, GATHER, HOLD, LIST, MOVES, MULTIPLIERS, PLACE, PUSHES, SPIN
 from pbd.fluid.terms import Repulsion
-from pbd.fluid.velocities import Confinement, Viscosity, confine, smooth
+from pbd.fluid.velocities import Confinement, Viscosity, confine, drag, find_curl, smooth, spin
 from pbd.fluid.walls import Walls, beside_walls, find_near, hold_back
 from pbd.intrinsics import multiply_add
 from pbd.jit import device, kernel
 from pbd.projection import increment, reset
 from pbd.routine import routine
 from pbd.team import Team, new_team, together
-from pbd.vector import Store, accumulate, aligned, blank, dot, like, load, scale, store
+from pbd.vector import Store, accumulate, aligned, dot, like, load, scale, store
 
 
 class Unit(NamedTuple):
@@ -49,19 +50,16 @@ class Unit(NamedTuple):
 
 
 @stage
-def reread(sharing, fluid, p):
+def reread(sharing, fluid, state, h):
     """Bring the sorted positions up to what other batches have made of p since the last pass."""
 
 
 class Sharing(NamedTuple):
     """There are other batches. Without them positions are read once a step: of a million particles a quarter faster."""
 
-    def reread(self, fluid, p):
-        gather(fluid.cells, p, fluid.position)
+    def reread(self, fluid, state, h):
+        together(fluid.team, fluid, GATHER, state, h)
 
-
-MULTIPLIERS, PUSHES, MOVES = range(3)
-"""Passes of an iteration, each of which needs the one before finished."""
 
 LEAST_PIECE = 64
 """Particles in a piece of a pass."""
@@ -110,35 +108,30 @@ class Density(NamedTuple):
 
     def with_team(self, threads: int) -> Density:
         """The same for so many threads."""
-        return self._replace(team=new_team(threads, self.size() // LEAST_PIECE))
+        team = new_team(threads, self.size() // LEAST_PIECE)
+        return self._replace(team=team, walls=self.walls._replace(found=np.zeros(team.pieces, dtype=np.int64)))
 
     def for_helpers(self) -> list[Density]:
         """One for each thread but the kernel's: candidates are a thread's own, all else is shared."""
-        return [self._replace(cells=own_candidates(self.cells)) for _ in range(1, self.team.threads)]
+        return [self._replace(cells=with_own_candidates(self.cells)) for _ in range(1, self.team.threads)]
 
     def begin(self, state, h):
         reset(self.law)
-        prepare(self, state.particles.p)
+        prepare(self, state, h)
 
     def project(self, state, h):
-        reread(self.sharing, self, state.particles.p)
+        reread(self.sharing, self, state, h)
         together(self.team, self, MULTIPLIERS, state, h)
         together(self.team, self, PUSHES, state, h)
         together(self.team, self, MOVES, state, h)
         state.work[0] += self.cells.members.shape[0]
 
     def work(self, task, piece, pieces, state, h):
-        low, high = cut(self.cells, piece, pieces)
-        if task == MULTIPLIERS:
-            find_multipliers(self, h, low, high)
-        elif task == PUSHES:
-            find_pushes(self, low, high)
-        elif task == MOVES:
-            displace(self, state.particles.p, low, high)
+        do_piece(self, task, piece, pieces, state, h)
 
     def end(self, state, h):
-        confine(self.confinement, self, state.particles, h)
-        smooth(self.viscosity, self, state.particles)
+        confine(self.confinement, self, state, h)
+        smooth(self.viscosity, self, state, h)
 
 
 def densities(fluid: Density, positions: Any) -> np.ndarray:
@@ -155,30 +148,65 @@ def densities(fluid: Density, positions: Any) -> np.ndarray:
     return found[fluid.cells.members]
 
 
-def own_candidates(cells: Cells) -> Cells:
-    """The same cells with room of its own for candidates."""
-    return cells._replace(near=tuple(blank(len(axis), axis.dtype) for axis in cells.near))
-
-
 @kernel
 def measure(fluid, x):
     """Densities at x, in sorted order."""
     sort(fluid.cells, x)
-    gather(fluid.cells, x, fluid.position)
-    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
     low, high = cut(fluid.cells, 0, 1)
+    gather(fluid.cells, x, fluid.position, low, high)
+    first, last = sorted_places(fluid.cells, low, high)
+    find_near(fluid.walls, fluid.position, 0, first, last)
     for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
-    add_walls(fluid, low, high)
+    add_walls(fluid, 0, first)
 
 
 @routine
-def prepare(fluid, p):
+def prepare(fluid, state, h):
     """Sort the particles, none of them within a wall, and find those beside walls."""
-    for k in range(fluid.cells.members.shape[0]):
-        hold_back(fluid.walls, p, fluid.cells.members[k])
-    sort(fluid.cells, p)
-    gather(fluid.cells, p, fluid.position)
-    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
+    together(fluid.team, fluid, HOLD, state, h)
+    if laid(fluid.cells, state.particles.p):
+        together(fluid.team, fluid, PLACE, state, h)
+        fill(fluid.cells)
+    together(fluid.team, fluid, GATHER, state, h)
+    together(fluid.team, fluid, LIST, state, h)
+
+
+@routine
+def do_piece(fluid, task, piece, pieces, state, h):
+    """A piece of the pass of that number, see `pbd.fluid.tasks`."""
+    cells, particles = fluid.cells, state.particles
+    low, high = cut(cells, piece, pieces)
+    first, last = sorted_places(cells, low, high)
+    if task == HOLD:
+        hold_members(fluid, particles.p, piece, pieces)
+    elif task == PLACE:
+        place(cells, particles.p, piece, pieces)
+    elif task == GATHER:
+        gather(cells, particles.p, fluid.position, low, high)
+    elif task == LIST:
+        find_near(fluid.walls, fluid.position, piece, first, last)
+    elif task == MULTIPLIERS:
+        find_multipliers(fluid, piece, low, high, h)
+    elif task == PUSHES:
+        for_each(cells, fluid.position + (fluid.multiplier,), PushSums(fluid), low, high)
+    elif task == MOVES:
+        displace(fluid, particles.p, piece, first, last)
+    elif task == FETCH:
+        gather(cells, particles.x + particles.v, fluid.position + fluid.velocity, low, high)
+    elif task == DRAG:
+        drag(fluid.viscosity, fluid, particles, low, high)
+    elif task == CURL:
+        find_curl(fluid.confinement, fluid, low, high)
+    elif task == SPIN:
+        spin(fluid.confinement, fluid, particles, h, low, high)
+
+
+@device
+def hold_members(fluid, p, piece, pieces):
+    """Move the members of a piece out of walls."""
+    first, last = members_of(fluid.cells, piece, pieces)
+    for i in range(first, last):
+        hold_back(fluid.walls, p, fluid.cells.members[i])
 
 
 # ------------------------------------------------------------------ the two passes of an iteration
@@ -209,32 +237,23 @@ class PushSums(NamedTuple):
 
 
 @routine
-def find_multipliers(fluid, h, low, high):
-    """L_i of the particles of cells low, ..., high-1."""
+def find_multipliers(fluid, piece, low, high, h):
+    """L_i of the particles of a piece, those of cells low, ..., high-1."""
     for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
-    add_walls(fluid, low, high)
     first, last = sorted_places(fluid.cells, low, high)
+    add_walls(fluid, piece, first)
     for k in range(first, last):
         find_multiplier(fluid, k, h)
 
 
 @device
-def add_walls(fluid, low, high):
-    """What walls give, and its gradient."""
-    first, last = places_near(fluid, low, high)
-    for a in range(first, last):
+def add_walls(fluid, piece, first):
+    """What walls give to a piece that starts at sorted particle ``first``, and its gradient."""
+    for a in range(first, first + np.uint64(fluid.walls.found[piece])):
         k = fluid.walls.near[a]
         filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
         fluid.density[k] += filled
         accumulate(fluid.gradient, k, like(filled, 1.0), pull)
-
-
-@device
-def places_near(fluid, low, high):
-    """Which part of the list of particles near walls is in cells low, ..., high-1."""
-    near, found = fluid.walls.near, fluid.walls.found[0]
-    first, last = sorted_places(fluid.cells, low, high)
-    return first_place(near, found, first), first_place(near, found, last)
 
 
 @device
@@ -247,22 +266,14 @@ def find_multiplier(fluid, k, h):
 
 
 @routine
-def find_pushes(fluid, low, high):
-    """sum_j L_j g (x_i - x_j) of the particles of cells low, ..., high-1."""
-    for_each(fluid.cells, fluid.position + (fluid.multiplier,), PushSums(fluid), low, high)
-
-
-@routine
-def displace(fluid, p, low, high):
-    """p_i <- p_i + dp_i for the particles of cells low, ..., high-1, kept from entering walls."""
+def displace(fluid, p, piece, first, last):
+    """p_i <- p_i + dp_i for a piece, sorted particles first, ..., last-1, kept from entering walls."""
     cells, position = fluid.cells, fluid.position
-    first, last = sorted_places(cells, low, high)
     for axis in range(len(p)):
         for k in range(first, last):
             moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
             position[axis][k] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
-    begin, end = places_near(fluid, low, high)
-    for a in range(begin, end):
+    for a in range(first, first + np.uint64(fluid.walls.found[piece])):
         hold_back(fluid.walls, position, fluid.walls.near[a])
     for k in range(first, last):
         store(p, cells.particle[k], load(position, k))
