@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import threading
 from typing import Any
 
 from llvmlite import ir
@@ -53,8 +52,6 @@ def inverse_root_guess(q: Any) -> Any:
 
 # ------------------------------------------------------------------ words that threads share, of arrays of int64
 
-_one_at_a_time = threading.Lock()
-
 
 def read_shared(words: Any, k: int) -> Any:
     """words_k; what a thread wrote before it wrote this word is seen too."""
@@ -67,17 +64,15 @@ def write_shared(words: Any, k: int, value: int) -> None:
 
 
 def replace_shared(words: Any, k: int, old: int, new: int) -> Any:
-    """words_k <- new if it is ``old``, and whether it was, with no other thread in between."""
-    with _one_at_a_time:
-        same = bool(words[k] == old)
-        words[k] = new if same else words[k]
+    """words_k <- new if it is ``old``, and whether it was, with no other thread in between; not so in plain Python."""
+    same = bool(words[k] == old)
+    words[k] = new if same else words[k]
     return same
 
 
 def add_shared(words: Any, k: int, value: int) -> None:
-    """words_k <- words_k + value, with no other thread in between, after all that this thread has written before."""
-    with _one_at_a_time:
-        words[k] += value
+    """words_k <- words_k + value, as `write_shared` and with no other thread in between; not so in plain Python."""
+    words[k] += value
 
 
 def give_way() -> None:

@@ -23,11 +23,11 @@ import numpy as np
 from pbd.dispatch import stage
 from pbd.errors import InvalidInput
 from pbd.intrinsics import add_shared, give_way, read_shared, replace_shared, write_shared
-from pbd.jit import kernel
+from pbd.jit import config, kernel
 from pbd.routine import routine
 
 PIECES_PER_THREAD = 8
-"""In a pass. The last piece is waited for while others have none: with few, that is long; many begin too often."""
+"""In a pass. All wait for the last piece, which is long where pieces are few; and to begin one costs 0.2 us."""
 
 LOOKS = 2048
 """Looks for work, some microseconds in all, before others may run."""
@@ -35,18 +35,18 @@ LOOKS = 2048
 TICKET, FINISHED, TASK, WORDS = 0, 16, 32, 48
 """Places of shared words, each on cache lines of its own."""
 
-ENDED = -1
-"""The ticket that ends `serve`."""
+NOTHING_LEFT, ENDED = 0, -1
+"""Tickets before the first pass, and after the last: `serve` ends."""
 
 PASS, HALF, MASK = 32, 16, 0xFFFF
-"""A ticket is a pass's number from this bit on, and the pieces taken from the front and left at the back, HALF bits each.
-So a thread that was put aside between reading a ticket and taking a piece cannot take one of another pass."""
+"""A ticket is a pass's number from bit PASS on, and two numbers of HALF bits: pieces taken from the front, pieces not taken
+from the back. A thread that was put aside between reading a ticket and taking a piece takes none of another pass."""
 
 PASSES = 1 << 30
 
 
 class Team(NamedTuple):
-    """What threads share, besides the batch: ``words`` (WORDS,), ``step`` (1,) h [s]; ``pieces`` in a pass."""
+    """How many ``threads``, what they share besides the batch: ``words`` (WORDS,), ``step`` (1,) h [s]; ``pieces`` a pass."""
 
     words: np.ndarray
     step: np.ndarray
@@ -60,13 +60,15 @@ class Team(NamedTuple):
 def new_team(threads: int, most: int) -> Team:
     """A team of so many threads, with at most that many pieces in a pass."""
     pieces = max(1, min(threads * PIECES_PER_THREAD, most))
-    return Team(np.full(WORDS, ENDED, dtype=np.int64), np.zeros(1), pieces, threads)
+    return Team(np.zeros(WORDS, dtype=np.int64), np.zeros(1), pieces, threads)
 
 
 def with_teams(batches: tuple, threads: int) -> tuple:
     """The batches, those that have with_team(threads) with a team; `InvalidInput` where threads have nothing to do."""
     if threads == 1:
         return batches
+    if config.DISABLE_JIT:
+        raise InvalidInput("settings.threads", threads, "1 with NUMBA_DISABLE_JIT=1", "plain Python has one at a time")
     if not any(hasattr(batch, "with_team") for batch in batches):
         raise InvalidInput("settings.threads", threads, "1 here", "of all constraints only fluids can use more")
     return tuple(batch.with_team(threads) if hasattr(batch, "with_team") else batch for batch in batches)
@@ -80,21 +82,26 @@ def helpers(batches: tuple, state: Any) -> Iterator[None]:
     """
     led = [batch for batch in batches if getattr(batch, "team", None) is not None]
     calls = [(batch.team, own, state) for batch in led for own in batch.for_helpers()]
-    for call in calls:
-        serve(*call)  # ends at once: what is to be compiled is compiled now, and not beside the run
     threads = [threading.Thread(target=serve, args=call, daemon=True) for call in calls]
+    set_tickets(led, ENDED)
+    for call in calls:
+        serve(*call)  # which ends at once: what is to be compiled is compiled now, and not beside the run
+    set_tickets(led, NOTHING_LEFT)
     try:
-        for batch in led:
-            write_shared(batch.team.words, TICKET, 0)
         for thread in threads:
             thread.start()
         yield
     finally:
-        for batch in led:
-            write_shared(batch.team.words, TICKET, ENDED)
+        set_tickets(led, ENDED)
         for thread in threads:
-            if thread.ident is not None:
+            if thread.ident is not None:  # it has been started
                 thread.join()
+
+
+def set_tickets(batches: list, ticket: int) -> None:
+    """Write a ticket for the helpers of each batch."""
+    for batch in batches:
+        write_shared(batch.team.words, TICKET, ticket)
 
 
 @stage(required=True)
@@ -104,7 +111,7 @@ def work(batch, task, piece, pieces, state, h):
 
 @stage
 def together(team, batch, task, state, h):
-    """Do a whole pass; all that threads see of the rest of the program is as it was before, or as it is after."""
+    """Do a whole pass; without a team in one piece."""
     work(batch, task, 0, 1, state, h)
 
 

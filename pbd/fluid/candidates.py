@@ -35,12 +35,11 @@ def visit(task, k, first, last):
 
 @device
 def for_each(cells, values, task, low, high):
-    """`visit` for each sorted particle of cells low, ..., high-1, with candidates of sorted ``values``, positions first.
+    """`visit` each sorted particle of cells low, ..., high-1, with candidates of sorted ``values``, positions first.
 
     Those of a cell are copied before the particles of the cell before are visited, to the other half of ``near``: read
     at once, while what was written in other pieces still waits to leave the processor, they cost half as much again.
-    For the same reason cell ``high`` is copied in vain. Neither ``high`` nor a cell before the first particle may be one
-    whose neighbours are outside the arrays: `cut` gives such cells.
+    At the end, cell ``high`` is copied in vain; it is to be no further than the first after a particle's, see `cut`.
     """
     place, half = 0, cells.near[0].shape[0] // 2
     begin, end, first, last = 0, 0, 0, 0

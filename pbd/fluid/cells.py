@@ -223,7 +223,10 @@ def count(cells):
 
 @device
 def cut(cells, piece, pieces):
-    """(low, high): cells low, ..., high-1 are this one of so many pieces with about equally many particles."""
+    """(low, high): cells low, ..., high-1 are this one of so many pieces with about equally many particles.
+
+    Before ``high`` is a cell with a particle, or ``high`` is ``low``.
+    """
     placed = cells.placed[0]
     low = first_place(cells.start, cells.last[0], placed * piece // pieces)
     return low, first_place(cells.start, cells.last[0], placed * (piece + 1) // pieces)
@@ -238,8 +241,10 @@ def members_of(cells, piece, pieces):
 
 @device
 def sorted_places(cells, low, high):
-    """(first, last): sorted particles first, ..., last-1 are in cells low, ..., high-1. Without sign, as loops need
-    them: what may be negative is no vector's index."""
+    """(first, last): sorted particles first, ..., last-1 are in cells low, ..., high-1.
+
+    Without a sign: loops over indices that might be negative do not become vector loops.
+    """
     return np.uint64(cells.start[low]), np.uint64(cells.start[high])
 
 

@@ -107,13 +107,14 @@ class Density(NamedTuple):
         return self._replace(sharing=None)
 
     def with_team(self, threads: int) -> Density:
-        """The same for so many threads."""
+        """The same, whose passes so many threads share."""
         team = new_team(threads, self.size() // LEAST_PIECE)
         return self._replace(team=team, walls=self.walls._replace(found=np.zeros(team.pieces, dtype=np.int64)))
 
     def for_helpers(self) -> list[Density]:
         """One for each thread but the kernel's: candidates are a thread's own, all else is shared."""
-        return [self._replace(cells=with_own_candidates(self.cells)) for _ in range(1, self.team.threads)]
+        count = self.team.threads - 1 if self.team else 0
+        return [self._replace(cells=with_own_candidates(self.cells)) for _ in range(count)]
 
     def begin(self, state, h):
         reset(self.law)
