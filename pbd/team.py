@@ -39,14 +39,15 @@ NOTHING_LEFT, ENDED = 0, -1
 """Tickets before the first pass, and after the last: `serve` ends."""
 
 PASS, HALF, MASK = 32, 16, 0xFFFF
-"""A ticket is a pass's number from bit PASS on, and two numbers of HALF bits: pieces taken from the front, pieces not taken
-from the back. A thread that was put aside between reading a ticket and taking a piece takes none of another pass."""
+"""A ticket holds a pass's number from bit PASS on, and in HALF bits each the pieces taken from the front and those not
+taken from the back. A thread that was put aside between reading a ticket and taking a piece takes none of another pass.
+"""
 
 PASSES = 1 << 30
 
 
 class Team(NamedTuple):
-    """How many ``threads``, what they share besides the batch: ``words`` (WORDS,), ``step`` (1,) h [s]; ``pieces`` a pass."""
+    """How many ``threads``, and ``pieces`` of a pass; they share ``words`` (WORDS,) and ``step`` (1,) h [s]."""
 
     words: np.ndarray
     step: np.ndarray

@@ -161,7 +161,7 @@ def threads(name, counts, support, repeats):
         ns = (best[count, 12] - best[count, 2]) / 10 / n * 1e9
         first = first or ns
         print(
-            f"{name}, {n} particles, {count} threads: {ns:6.1f} ns a particle, {first / ns:.2f} times one", flush=True
+            f"{name}, {n} particles, threads: {count}, {ns:6.1f} ns a particle, {first / ns:.2f} times one", flush=True
         )
 
 

@@ -19,13 +19,12 @@ S = 0.05
 
 
 def tank(threads, speed=0.0):
-    """24 x 40 particles in disorder in a corner, in single precision, with all that a fluid can have."""
+    """24 x 40 particles in disorder in a corner, in single precision, with terms of velocities."""
     rng = np.random.default_rng(0)
     axes = [(np.arange(count) + 0.5) * S for count in (24, 40)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2) + rng.uniform(0.0, 0.2 * S, (960, 2))
     particles = pbd.particles(rng.permutation(x), velocities=[[speed, 0.0]] * 960, masses=1000.0 * S**2)
-    terms = {"viscosity": 0.1, "confinement": 1.0, "repulsion": 0.01}
-    fluid = pbd.density(particles, spacing=S, normal=np.eye(2), **terms)
+    fluid = pbd.density(particles, spacing=S, normal=np.eye(2), viscosity=0.1, confinement=1.0)
     settings = pbd.Settings(dt=2e-3, iterations=3, precision="float32", threads=threads)
     return pbd.Simulation(particles, [fluid], gravity=[0.0, -9.81], settings=settings)
 
