@@ -31,17 +31,18 @@ addresses wait for each other."""
 def aligned(values: np.ndarray, dtype: Any = None) -> np.ndarray:
     """A contiguous copy that starts on a cache line."""
     values = np.asarray(values)
-    copy = blank(values.shape, dtype or values.dtype)
+    dtype = np.dtype(dtype or values.dtype)
+    if values.size * dtype.itemsize < PAGE:
+        return np.array(values, dtype=dtype, order="C")
+    copy = blank(values.shape, dtype)
     copy[...] = values
     return copy
 
 
-def blank(shape: int | tuple[int, ...], dtype: Any) -> np.ndarray:
-    """Zeros that start on a cache line; of many, those that are never written take no memory."""
+def blank(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Zeros that start on a cache line; pages of them that are never written take no memory."""
     dtype = np.dtype(dtype)
-    size = math.prod(np.atleast_1d(shape).tolist()) * dtype.itemsize
-    if size < PAGE:
-        return np.zeros(shape, dtype=dtype)
+    size = math.prod(shape) * dtype.itemsize
     raw = np.zeros(size + 2 * PAGE, dtype=np.uint8)
     start = -raw.ctypes.data % PAGE + next(_stagger)
     return raw[start : start + size].view(dtype).reshape(shape)
