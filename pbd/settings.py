@@ -26,6 +26,7 @@ class Settings:
     integrator : `pbd.Euler` (2006, the default) or `pbd.Shake`
     solver : `pbd.GaussSeidel` (2006, the default), `pbd.Direct`, `pbd.Jacobi`, `pbd.Multilevel` or `pbd.Implicit`
     precision : of the state and of all arithmetic of Gauss-Seidel and Jacobi
+    threads : that share out the sums of fluids; results are the same, to the last bit, for any number
     """
 
     dt: float = fields.real(1e-3, "s", 1e-12, 1e3, "time step")
@@ -35,6 +36,7 @@ class Settings:
     integrator: Any = field(default_factory=Euler)
     solver: Any = field(default_factory=GaussSeidel)
     precision: str = fields.choice("float64", PRECISIONS, "of positions, velocities and projections")
+    threads: int = fields.whole(1, 1, 64, "threads that share out the sums of fluids")
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")

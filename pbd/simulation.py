@@ -18,6 +18,7 @@ from pbd.jit import device, kernel
 from pbd.settings import Settings
 from pbd.stages import detect, not_finite, observe, step
 from pbd.state import LACKING, PAIRS_TESTED, SIGNALS, WORK, Particles, State
+from pbd.team import helpers, with_teams
 from pbd.vector import aligned, from_store
 
 MAX_STEPS = 10**12
@@ -164,7 +165,8 @@ class Simulation:
         damping = settings.damping.bind() if settings.damping else None
         state = State(arranged.particles, bodies, np.zeros(WORK, dtype=np.int64), np.zeros(SIGNALS))
         self._solver = arranged.solver
-        self._scene = _in_precision(Scene(state, arranged.batches, fields, damping), settings.dtype)
+        batches = with_teams(arranged.batches, int(settings.threads))
+        self._scene = _in_precision(Scene(state, batches, fields, damping), settings.dtype)
 
     def run(self, steps: int, samples: Any = None) -> Outcome:
         """Do ``steps`` steps from the initial state and record after the step numbers in ``samples``.
@@ -181,7 +183,8 @@ class Simulation:
         recordings = tuple(g.new_recording(len(at)) if g is not None else None for g in state[:2])
         settings = self.settings
         plan = Plan(settings.dtype.type(settings.h), int(settings.substeps), steps, at, max(1, steps // CHECKS_PER_RUN))
-        done, recorded, broken = simulation(integrator, solver, scene, plan, recordings)
+        with helpers(scene.batches, state):
+            done, recorded, broken = simulation(integrator, solver, scene, plan, recordings)
         if state.work[LACKING] > 0:
             self._scene = self._scene._replace(batches=_grown(self._scene.batches, 2 * int(state.work[LACKING])))
             return self.run(steps, at)

@@ -8,6 +8,7 @@ the layout. A vector is a tuple of d floats. Functions that build a tuple recurs
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,14 +32,20 @@ def aligned(values: np.ndarray, dtype: Any = None) -> np.ndarray:
     """A contiguous copy that starts on a cache line."""
     values = np.asarray(values)
     dtype = np.dtype(dtype or values.dtype)
-    size = values.size * dtype.itemsize
-    if size < PAGE:
+    if values.size * dtype.itemsize < PAGE:
         return np.array(values, dtype=dtype, order="C")
-    raw = np.empty(size + 2 * PAGE, dtype=np.uint8)
-    start = -raw.ctypes.data % PAGE + next(_stagger)
-    copy = raw[start : start + size].view(dtype).reshape(values.shape)
+    copy = blank(values.shape, dtype)
     copy[...] = values
     return copy
+
+
+def blank(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Zeros that start on a cache line; pages of them that are never written take no memory."""
+    dtype = np.dtype(dtype)
+    size = math.prod(shape) * dtype.itemsize
+    raw = np.zeros(size + 2 * PAGE, dtype=np.uint8)
+    start = -raw.ctypes.data % PAGE + next(_stagger)
+    return raw[start : start + size].view(dtype).reshape(shape)
 
 
 def to_store(points: np.ndarray) -> Store:

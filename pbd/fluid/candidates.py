@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pbd.dispatch import stage
-from pbd.fluid.cells import FINE
+from pbd.fluid.cells import FINE, sorted_places
 from pbd.fluid.lanes import lanes, put_lanes, width
 from pbd.intrinsics import typed
 from pbd.jit import device
@@ -20,10 +20,11 @@ FAR = 1e15
 
 
 @device
-def gather(cells, x, values):
-    """values_k <- x of the k-th sorted particle."""
+def gather(cells, x, values, low, high):
+    """values_k <- x of the k-th sorted particle, for those in cells low, ..., high-1."""
+    first, last = sorted_places(cells, low, high)
     for axis in range(len(x)):
-        for k in range(cells.particle.shape[0]):
+        for k in range(first, last):
             values[axis][k] = x[axis][cells.particle[k]]
 
 
@@ -33,17 +34,18 @@ def visit(task, k, first, last):
 
 
 @device
-def for_each(cells, values, task):
-    """`visit` for each sorted particle, with candidates of sorted ``values``, positions first.
+def for_each(cells, values, task, low, high):
+    """`visit` each sorted particle of cells low, ..., high-1, with candidates of sorted ``values``, positions first.
 
     Those of a cell are copied before the particles of the cell before are visited, to the other half of ``near``: read
     at once, while what was written in other pieces still waits to leave the processor, they cost half as much again.
+    At the end, cell ``high`` is copied in vain; it is to be no further than the first after a particle's, see `cut`.
     """
     place, half = 0, cells.near[0].shape[0] // 2
     begin, end, first, last = 0, 0, 0, 0
-    for c in range(cells.last[0] + 1 if cells.placed[0] > 0 else 0):
+    for c in range(low, high + 1 if low < high else low):
         start, stop = cells.start[c], cells.start[c + 1]
-        if start < stop or c == cells.last[0]:
+        if start < stop or c == high:
             filled = pick(cells, c, values, place)
             for k in range(begin, end):
                 visit(task, k, first, last)

@@ -19,7 +19,7 @@ import numpy as np
 
 from pbd.jit import device
 from pbd.routine import routine
-from pbd.vector import aligned, like
+from pbd.vector import aligned, blank, like
 
 FINE = 2
 """Cells along x in a length h."""
@@ -82,6 +82,11 @@ def new_cells(members: np.ndarray, dimension: int, h: float, more: int) -> Cells
     )
 
 
+def with_own_candidates(cells: Cells) -> Cells:
+    """The same cells, to be filled by others, for a thread that has room of its own for candidates."""
+    return cells._replace(near=tuple(blank(axis.shape, axis.dtype) for axis in cells.near))
+
+
 def sorted_array(n: int) -> np.ndarray:
     """A number for each sorted particle, and room that whole registers may read."""
     return np.zeros(n + PADDING)
@@ -93,14 +98,19 @@ def sorted_array(n: int) -> np.ndarray:
 @routine
 def sort(cells, x):
     """Sort the members by their cells at positions x."""
+    if laid(cells, x):
+        place(cells, x, 0, 1)
+        fill(cells)
+
+
+@routine
+def laid(cells, x):
+    """Lay the grid; False, and no particle is in a cell, where a position is not finite."""
     cells.last[0] = cells.placed[0] = 0
-    if not bounded(cells, x):
-        return
-    lay(cells, x)
-    count(cells, x)
-    fill(cells)
-    cells.last[0] = cells.strides[-1] * (cells.counts[-1] + MARGIN)
-    cells.placed[0] = cells.members.shape[0]
+    sound = bounded(cells, x)
+    if sound:
+        lay(cells, x)
+    return sound
 
 
 @device
@@ -162,18 +172,12 @@ def halve(cells, x, axis):
         cells.high[axis] = middle
 
 
-@device
-def count(cells, x):
-    """Find the cell of each member, and how many are in each, two places on."""
-    start, total = cells.start, cells.strides[-1] * (cells.counts[-1] + 2 * MARGIN)
-    for c in range(total + 2):
-        start[c] = 0
-    for i in range(cells.members.shape[0]):
-        c = cell_of(cells, x, cells.members[i])
-        cells.cell[i] = c
-        start[c + 2] += 1
-    for c in range(1, total + 2):
-        start[c] += start[c - 1]
+@routine
+def place(cells, x, piece, pieces):
+    """Find the cell of each member of one of so many pieces."""
+    first, last = members_of(cells, piece, pieces)
+    for i in range(first, last):
+        cells.cell[i] = cell_of(cells, x, cells.members[i])
 
 
 @device
@@ -189,11 +193,69 @@ def cell_of(cells, x, i):
     return c
 
 
-@device
+@routine
 def fill(cells):
-    """Write the members in sorted order; the starts move by one place meanwhile, to where they belong."""
+    """Write the members in sorted order; the starts are written one place too far, and move to where they belong."""
+    count(cells)
     for i in range(cells.members.shape[0]):
         c = cells.cell[i] + 1
         k = cells.start[c]
         cells.start[c] = k + 1
         cells.particle[k] = cells.members[i]
+    cells.last[0] = cells.strides[-1] * (cells.counts[-1] + MARGIN)
+    cells.placed[0] = cells.members.shape[0]
+
+
+@device
+def count(cells):
+    """How many members are in each cell and those before, two places on."""
+    start, total = cells.start, cells.strides[-1] * (cells.counts[-1] + 2 * MARGIN)
+    for c in range(total + 2):
+        start[c] = 0
+    for i in range(cells.members.shape[0]):
+        start[cells.cell[i] + 2] += 1
+    for c in range(1, total + 2):
+        start[c] += start[c - 1]
+
+
+# ------------------------------------------------------------------ parts
+
+
+@device
+def cut(cells, piece, pieces):
+    """(low, high): cells low, ..., high-1 are this one of so many pieces with about equally many particles.
+
+    Before ``high`` is a cell with a particle, or ``high`` is ``low``.
+    """
+    placed = cells.placed[0]
+    low = first_place(cells.start, cells.last[0], placed * piece // pieces)
+    return low, first_place(cells.start, cells.last[0], placed * (piece + 1) // pieces)
+
+
+@device
+def members_of(cells, piece, pieces):
+    """(first, last): members first, ..., last-1 are this one of so many pieces."""
+    count = cells.members.shape[0]
+    return np.uint64(count * piece // pieces), np.uint64(count * (piece + 1) // pieces)
+
+
+@device
+def sorted_places(cells, low, high):
+    """(first, last): sorted particles first, ..., last-1 are in cells low, ..., high-1.
+
+    Without a sign: loops over indices that might be negative do not become vector loops.
+    """
+    return np.uint64(cells.start[low]), np.uint64(cells.start[high])
+
+
+@device
+def first_place(ascending, count, value):
+    """The first of ``count`` places that holds at least ``value``; ``count`` if there is none."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if ascending[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    return low

@@ -28,17 +28,19 @@ import numpy as np
 
 from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
-from pbd.fluid.cells import Cells, sort
+from pbd.fluid.cells import Cells, cut, fill, laid, members_of, place, sort, sorted_places, with_own_candidates
 from pbd.fluid.kernels import Poly6Spiky, Wendland
 from pbd.fluid.rest import Start, arrange, missing, remember
 from pbd.fluid.sums import density_sums, push_sums
+from pbd.fluid.tasks import CURL, DRAG, FETCH, GATHER, HOLD, LIST, MOVES, MULTIPLIERS, PLACE, PUSHES, SPIN
 from pbd.fluid.terms import Repulsion
-from pbd.fluid.velocities import Confinement, Viscosity, confine, smooth
+from pbd.fluid.velocities import Confinement, Viscosity, confine, drag, find_curl, smooth, spin
 from pbd.fluid.walls import Walls, beside_walls, find_near, hold_back
 from pbd.intrinsics import multiply_add
 from pbd.jit import device, kernel
 from pbd.projection import increment, reset
 from pbd.routine import routine
+from pbd.team import Team, new_team, together
 from pbd.vector import Store, accumulate, aligned, dot, like, load, scale, store
 
 
@@ -49,15 +51,19 @@ class Unit(NamedTuple):
 
 
 @stage
-def reread(sharing, fluid, p):
+def reread(sharing, fluid, state, h):
     """Bring the sorted positions up to what other batches have made of p since the last pass."""
 
 
 class Sharing(NamedTuple):
     """There are other batches. Without them positions are read once a step: of a million particles a quarter faster."""
 
-    def reread(self, fluid, p):
-        gather(fluid.cells, p, fluid.position)
+    def reread(self, fluid, state, h):
+        together(fluid.team, fluid, GATHER, state, h)
+
+
+LEAST_PIECE = 64
+"""Particles in a piece of a pass."""
 
 
 class Density(NamedTuple):
@@ -93,6 +99,7 @@ class Density(NamedTuple):
     repulsion: Repulsion | None
     viscosity: Viscosity | None
     confinement: Confinement | None
+    team: Team | None
 
     def size(self):
         return self.cells.members.shape[0]
@@ -101,24 +108,38 @@ class Density(NamedTuple):
         """The same where no other batch moves particles."""
         return self._replace(sharing=None)
 
+    def with_team(self, threads: int) -> Density:
+        """The same, whose passes so many threads share."""
+        team = new_team(threads, self.size() // LEAST_PIECE)
+        return self._replace(team=team, walls=self.walls._replace(found=np.zeros(team.pieces, dtype=np.int64)))
+
+    def for_helpers(self) -> list[Density]:
+        """One for each thread but the kernel's: candidates are a thread's own, all else is shared."""
+        count = self.team.threads - 1 if self.team else 0
+        return [self._replace(cells=with_own_candidates(self.cells)) for _ in range(count)]
+
     def begin(self, state, h):
         reset(self.law)
         remember(self.rest, self, state.particles.x)
-        prepare(self, state.particles.p)
+        prepare(self, state, h)
         arrange(self.rest, self)
 
     def find_densities(self, x):
         measure_at(self, x)
 
     def project(self, state, h):
-        reread(self.sharing, self, state.particles.p)
-        find_multipliers(self, h)
-        displace(self, state.particles.p)
+        reread(self.sharing, self, state, h)
+        together(self.team, self, MULTIPLIERS, state, h)
+        together(self.team, self, PUSHES, state, h)
+        together(self.team, self, MOVES, state, h)
         state.work[0] += self.cells.members.shape[0]
 
+    def work(self, task, piece, pieces, state, h):
+        do_piece(self, task, piece, pieces, state, h)
+
     def end(self, state, h):
-        confine(self.confinement, self, state.particles, h)
-        smooth(self.viscosity, self, state.particles)
+        confine(self.confinement, self, state, h)
+        smooth(self.viscosity, self, state, h)
 
 
 def densities(fluid: Density, positions: Any) -> np.ndarray:
@@ -127,7 +148,8 @@ def densities(fluid: Density, positions: Any) -> np.ndarray:
     Infinite where a position is not finite, for lack of neighbours.
     """
     x = tuple(aligned(axis, fluid.density.dtype) for axis in np.asarray(positions).T)
-    measure(fluid._replace(law=None), x)  # which a user's fluid holds as chosen, a bound one as the kernels'
+    # the law a user's fluid holds as chosen, a bound one as the kernels'
+    measure(fluid._replace(law=None, team=None), x)
     found = np.full(int(fluid.cells.members.max()) + 1, np.inf)
     placed = fluid.cells.placed[0]
     found[fluid.cells.particle[:placed]] = fluid.density[:placed]
@@ -143,20 +165,61 @@ def measure(fluid, x):
 @routine
 def measure_at(fluid, x):
     sort(fluid.cells, x)
-    gather(fluid.cells, x, fluid.position)
-    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
-    for_each(fluid.cells, fluid.position, DensitySums(fluid))
-    add_walls(fluid)
+    low, high = cut(fluid.cells, 0, 1)
+    gather(fluid.cells, x, fluid.position, low, high)
+    first, last = sorted_places(fluid.cells, low, high)
+    find_near(fluid.walls, fluid.position, 0, first, last)
+    for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
+    add_walls(fluid, 0, first)
 
 
 @routine
-def prepare(fluid, p):
+def prepare(fluid, state, h):
     """Sort the particles, none of them within a wall, and find those beside walls."""
-    for k in range(fluid.cells.members.shape[0]):
-        hold_back(fluid.walls, p, fluid.cells.members[k])
-    sort(fluid.cells, p)
-    gather(fluid.cells, p, fluid.position)
-    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
+    together(fluid.team, fluid, HOLD, state, h)
+    if laid(fluid.cells, state.particles.p):
+        together(fluid.team, fluid, PLACE, state, h)
+        fill(fluid.cells)
+    together(fluid.team, fluid, GATHER, state, h)
+    together(fluid.team, fluid, LIST, state, h)
+
+
+@routine
+def do_piece(fluid, task, piece, pieces, state, h):
+    """A piece of the pass of that number, see `pbd.fluid.tasks`."""
+    cells, particles = fluid.cells, state.particles
+    low, high = cut(cells, piece, pieces)
+    first, last = sorted_places(cells, low, high)
+    if task == HOLD:
+        hold_members(fluid, particles.p, piece, pieces)
+    elif task == PLACE:
+        place(cells, particles.p, piece, pieces)
+    elif task == GATHER:
+        gather(cells, particles.p, fluid.position, low, high)
+    elif task == LIST:
+        find_near(fluid.walls, fluid.position, piece, first, last)
+    elif task == MULTIPLIERS:
+        find_multipliers(fluid, piece, low, high, h)
+    elif task == PUSHES:
+        for_each(cells, fluid.position + (fluid.multiplier,), PushSums(fluid), low, high)
+    elif task == MOVES:
+        displace(fluid, particles.p, piece, first, last)
+    elif task == FETCH:
+        gather(cells, particles.x + particles.v, fluid.position + fluid.velocity, low, high)
+    elif task == DRAG:
+        drag(fluid.viscosity, fluid, particles, low, high)
+    elif task == CURL:
+        find_curl(fluid.confinement, fluid, low, high)
+    elif task == SPIN:
+        spin(fluid.confinement, fluid, particles, h, low, high)
+
+
+@device
+def hold_members(fluid, p, piece, pieces):
+    """Move the members of a piece out of walls."""
+    first, last = members_of(fluid.cells, piece, pieces)
+    for i in range(first, last):
+        hold_back(fluid.walls, p, fluid.cells.members[i])
 
 
 # ------------------------------------------------------------------ the two passes of an iteration
@@ -187,18 +250,19 @@ class PushSums(NamedTuple):
 
 
 @routine
-def find_multipliers(fluid, h):
-    """L_i of all particles."""
-    for_each(fluid.cells, fluid.position, DensitySums(fluid))
-    add_walls(fluid)
-    for k in range(fluid.cells.placed[0]):
+def find_multipliers(fluid, piece, low, high, h):
+    """L_i of the particles of a piece, those of cells low, ..., high-1."""
+    for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
+    first, last = sorted_places(fluid.cells, low, high)
+    add_walls(fluid, piece, first)
+    for k in range(first, last):
         find_multiplier(fluid, k, h)
 
 
 @device
-def add_walls(fluid):
-    """What walls give, and its gradient."""
-    for a in range(fluid.walls.found[0]):
+def add_walls(fluid, piece, first):
+    """What walls give to a piece that starts at sorted particle ``first``, and its gradient."""
+    for a in range(first, first + np.uint64(fluid.walls.found[piece])):
         k = fluid.walls.near[a]
         filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
         fluid.density[k] += filled
@@ -215,15 +279,14 @@ def find_multiplier(fluid, k, h):
 
 
 @routine
-def displace(fluid, p):
-    """p_i <- p_i + dp_i for all particles, kept from entering walls."""
+def displace(fluid, p, piece, first, last):
+    """p_i <- p_i + dp_i for a piece, sorted particles first, ..., last-1, kept from entering walls."""
     cells, position = fluid.cells, fluid.position
-    for_each(cells, position + (fluid.multiplier,), PushSums(fluid))
     for axis in range(len(p)):
-        for k in range(cells.placed[0]):
+        for k in range(first, last):
             moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
             position[axis][k] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
-    for a in range(fluid.walls.found[0]):
+    for a in range(first, first + np.uint64(fluid.walls.found[piece])):
         hold_back(fluid.walls, position, fluid.walls.near[a])
-    for k in range(cells.placed[0]):
+    for k in range(first, last):
         store(p, cells.particle[k], load(position, k))

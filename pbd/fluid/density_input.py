@@ -106,6 +106,7 @@ def density(
         repulsion=_repulsion(repulsion, form, h),
         viscosity=Viscosity(factor) if factor > 0.0 else None,
         confinement=_confinement(confinement, h, n, d),
+        team=None,
     )
 
 

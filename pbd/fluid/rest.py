@@ -42,7 +42,7 @@ def missing(rest, k):
 
 
 class Start(NamedTuple):
-    """Rest is the start: ``lack`` (particles,) d_i, ``placed`` (n,) in sorted order, ``known`` (1,) whether they are."""
+    """Rest is the start: ``lack`` (particles,) d_i, ``placed`` (n,) in sorted order, ``known`` (1,) whether so."""
 
     lack: np.ndarray
     placed: np.ndarray

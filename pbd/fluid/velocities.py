@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pbd.dispatch import stage
-from pbd.fluid.candidates import for_each, gather
+from pbd.fluid.candidates import for_each
 from pbd.fluid.sums import curl_sums, slope_sums, smoothed_differences
+from pbd.fluid.tasks import CURL, DRAG, FETCH, SPIN
 from pbd.intrinsics import typed
 from pbd.jit import device
-from pbd.routine import routine
+from pbd.team import together
 from pbd.vector import Store, accumulate, dot, like, load, scale, store
 
 SMALLEST_SLOPE = 1e-12
@@ -28,13 +29,28 @@ SMALLEST_SLOPE = 1e-12
 
 
 @stage
-def smooth(viscosity, fluid, particles):
+def smooth(viscosity, fluid, state, h):
     """XSPH on the velocities after the step."""
 
 
 @stage
-def confine(confinement, fluid, particles, h):
+def confine(confinement, fluid, state, h):
     """Vorticity confinement on the velocities after the step."""
+
+
+@stage
+def drag(viscosity, fluid, particles, low, high):
+    """XSPH for the particles of cells low, ..., high-1."""
+
+
+@stage
+def find_curl(confinement, fluid, low, high):
+    """curl v of the particles of cells low, ..., high-1."""
+
+
+@stage
+def spin(confinement, fluid, particles, h, low, high):
+    """Vorticity confinement for the particles of cells low, ..., high-1."""
 
 
 class Viscosity(NamedTuple):
@@ -42,8 +58,12 @@ class Viscosity(NamedTuple):
 
     factor: float
 
-    def smooth(self, fluid, particles):
-        smooth_velocities(self, fluid, particles)
+    def smooth(self, fluid, state, h):
+        together(fluid.team, fluid, FETCH, state, h)
+        together(fluid.team, fluid, DRAG, state, h)
+
+    def drag(self, fluid, particles, low, high):
+        for_each(fluid.cells, fluid.position + fluid.velocity, Drag(self, fluid, particles), low, high)
 
 
 class Confinement(NamedTuple):
@@ -57,8 +77,17 @@ class Confinement(NamedTuple):
     curl: Store
     size: np.ndarray
 
-    def confine(self, fluid, particles, h):
-        confine_velocities(self, fluid, particles, h)
+    def confine(self, fluid, state, h):
+        together(fluid.team, fluid, FETCH, state, h)
+        together(fluid.team, fluid, CURL, state, h)
+        together(fluid.team, fluid, SPIN, state, h)
+
+    def find_curl(self, fluid, low, high):
+        for_each(fluid.cells, fluid.position + fluid.velocity, Curl(self, fluid), low, high)
+
+    def spin(self, fluid, particles, h, low, high):
+        task = Spin(self, fluid, particles, h * self.strength)
+        for_each(fluid.cells, fluid.position + (self.size,), task, low, high)
 
 
 class Drag(NamedTuple):
@@ -103,22 +132,6 @@ class Spin(NamedTuple):
         slope = slope_sums(fluid.kernel, fluid.cells.near, first, last, point, confinement.size[k])
         push = turned(unit(scale(fluid.slope, slope)), load(confinement.curl, k))
         accumulate(self.particles.v, fluid.cells.particle[k], self.change, push)
-
-
-@routine
-def smooth_velocities(viscosity, fluid, particles):
-    gather(fluid.cells, particles.x, fluid.position)
-    gather(fluid.cells, particles.v, fluid.velocity)
-    for_each(fluid.cells, fluid.position + fluid.velocity, Drag(viscosity, fluid, particles))
-
-
-@routine
-def confine_velocities(confinement, fluid, particles, h):
-    gather(fluid.cells, particles.x, fluid.position)
-    gather(fluid.cells, particles.v, fluid.velocity)
-    for_each(fluid.cells, fluid.position + fluid.velocity, Curl(confinement, fluid))
-    spin = Spin(confinement, fluid, particles, h * confinement.strength)
-    for_each(fluid.cells, fluid.position + (confinement.size,), spin)
 
 
 @device

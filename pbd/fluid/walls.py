@@ -35,7 +35,7 @@ class Walls(NamedTuple):
     """The free side of all planes; ``filled`` is T and ``slope`` -dT/dt [1/m], (TABLE + 2,), at t = k reach/TABLE.
 
     ``scale`` TABLE/reach [1/m], ``reach`` = h [m]; ``near`` (n,) are the sorted particles that may come within reach in
-    this sub-step, ``found`` (1,) of them.
+    this sub-step, of each piece of a pass from its first particle on, ``found`` (pieces,) of them.
     """
 
     planes: Planes
@@ -81,16 +81,16 @@ def plane_integrals(kernel: Wendland | Poly6Spiky, t: np.ndarray, dimension: int
 
 
 @device
-def find_near(walls, position, count):
-    """List the sorted particles within twice the reach of a wall."""
-    found, far = 0, like(walls.reach, 2.0) * walls.reach
-    for k in range(count):
+def find_near(walls, position, piece, first, last):
+    """List the particles of a piece, sorted ones first, ..., last-1, that are within twice the reach of a wall."""
+    found, far = first, like(walls.reach, 2.0) * walls.reach
+    for k in range(first, last):
         near = False
         for plane in range(walls.planes.offset.shape[0]):
             near |= height(walls.planes, plane, load(position, k)) < far
         walls.near[found] = k
-        found += near
-    walls.found[0] = found
+        found += np.uint64(near)
+    walls.found[piece] = found - first
 
 
 @device

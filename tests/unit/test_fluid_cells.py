@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pbd.fluid.candidates import FAR, for_each, gather
-from pbd.fluid.cells import new_cells, sort, sorted_array
+from pbd.fluid.cells import cut, new_cells, sort, sorted_array
 from pbd.jit import kernel
 from pbd.vector import to_store
 
@@ -38,10 +38,11 @@ class Listing(NamedTuple):
 @kernel
 def all_candidates(cells, x, values, found, seen):
     sort(cells, x)
-    gather(cells, x, values)
+    low, high = cut(cells, 0, 1)
+    gather(cells, x, values, low, high)
     for k in range(cells.particle.shape[0]):
         values[-1][k] = cells.particle[k]
-    for_each(cells, values, Listing(cells, found, seen))
+    for_each(cells, values, Listing(cells, found, seen), low, high)
 
 
 def candidates(points, members=None):

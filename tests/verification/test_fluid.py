@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pbd
-from pbd.fluid.candidates import gather
-from pbd.fluid.density import find_multipliers
 from pbd.fluid.kernels import lattice_sum, new_kernel, profile
+from pbd.fluid.tasks import MULTIPLIERS
 from pbd.jit import kernel
 from pbd.projection import begin, project
 from pbd.stages import end
 from pbd.state import State
+from pbd.team import together
 from pbd.vector import from_store
 
 G = 9.81
@@ -49,8 +49,7 @@ def bound(fluid, iterations=1):
 @kernel
 def sums_and_multipliers(fluid, state, h):
     begin(fluid, state, h)
-    gather(fluid.cells, state.particles.p, fluid.position)
-    find_multipliers(fluid, h)
+    together(fluid.team, fluid, MULTIPLIERS, state, h)
 
 
 @kernel
