@@ -12,10 +12,10 @@ from pbd.errors import InvalidInput, unknown
 from pbd.fluid.cells import new_cells, sorted_array
 from pbd.fluid.density import Density, Sharing, Unit
 from pbd.fluid.kernels import KERNELS, lattice_sum, new_kernel, profile
-from pbd.fluid.obstacles import convex_solids
 from pbd.fluid.solids import Solids
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity
+from pbd.fluid.wall_input import read_walls
 from pbd.fluid.walls import new_walls
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
@@ -88,7 +88,7 @@ def density(
     return Density(
         kernel=form,
         cells=new_cells(np.concatenate([chosen, hard]), d, h, d + (len(hard) > 0)),
-        walls=new_walls(*convex_solids(normal, offset, obstacles, h, d), form, spacing, d, n),
+        walls=new_walls(read_walls(normal, offset, obstacles, h, d), form, spacing, d, n),
         value=volume * form.value,
         slope=volume * form.slope,
         inverse_mass=w,

@@ -1,7 +1,7 @@
 """Walls and obstacles of a fluid: they hold particles back, and give back the density that is missing beside them.
 
-Each is a convex solid, the intersection of half-spaces; a wall is one of a single half-space. A half-space is taken as
-filled with rows of particles, the first half a spacing s behind its face, smeared along it:
+A wall is a half-space, an obstacle is convex, the intersection of several; without obstacles they compile to nothing. A
+half-space is taken as filled with rows of particles, the first half a spacing s behind its face, smeared along it:
 
     T(t) = sum_k s A(t + (k + 1/2) s),    A(r) the integral of W over a plane at distance r
 
@@ -11,8 +11,9 @@ to 1 as what the other side leaves, T(-t) = 1 - T(t) (1 - T(0))/T(0). A solid fi
 and solids together 1 - prod_s (1 - filled_s): no corner is counted twice. That is right on the faces; off by at most
 .0012 between two walls at a right angle, and as much about an edge of a box. Solids do not move, and have no friction.
 
-Limits: a solid is to be as thick as h, or its far face adds density that is not there; and the gap between two as wide.
-A particle is held back where it ends a step, so it must not cross a solid in one; it leaves by the nearest face.
+Limits: an obstacle is to be as thick as h, or the product adds density that is not there, and gaps as wide, or some is
+missing. A particle is held back where it ends a step or a pass, so it must not cross an obstacle in one; it leaves by
+the nearest face.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from pbd.collision.plane import Planes, height
+from pbd.dispatch import stage
 from pbd.fluid.kernels import Poly6Spiky, Wendland, profile
 from pbd.jit import device
 from pbd.vector import accumulate, add, like, load, negate, scale
@@ -35,15 +37,61 @@ NODES = 514
 """Of the table from 0 to h: linear between them, which leaves 2e-6 of the integral."""
 
 
-class Walls(NamedTuple):
-    """Solids; ``filled`` is T and ``slope`` -dT/dt [1/m], (2 NODES - 1,), from t = -reach to reach.
+@stage
+def is_near(obstacles, point, far):
+    """Whether a point may be within a distance of an obstacle."""
+    return False
 
-    Solid s is behind all planes start_s, ..., start_s+1 - 1 of ``planes``. ``scale`` (NODES - 1)/reach [1/m], ``reach``
-    = h [m]; ``near`` (n,) are the sorted particles that may come within reach in this sub-step, ``found`` (1,) of them.
-    """
+
+@stage
+def beside_obstacles(obstacles, walls, point):
+    """(1 - filled, its gradient [1/m]) of all obstacles."""
+    return like(walls.reach, 1.0), scale(like(walls.reach, 0.0), point)
+
+
+@stage
+def push_out(obstacles, x, i):
+    """Move particle i out of every obstacle that it has entered, to the nearest face."""
+
+
+class Obstacles(NamedTuple):
+    """Obstacle a is behind all planes start_a, ..., start_a+1 - 1."""
 
     planes: Planes
     start: np.ndarray
+
+    def is_near(self, point, far):
+        near = False
+        for a in range(self.start.shape[0] - 1):
+            near |= deepest(self, a, point)[1] < far
+        return near
+
+    def beside_obstacles(self, walls, point):
+        free, pull = like(walls.reach, 1.0), scale(like(walls.reach, 0.0), point)
+        for a in range(self.start.shape[0] - 1):
+            t = deepest(self, a, point)[1]
+            if t < walls.reach:
+                filled, slope = fill_beside(self, walls, a, point, min(t, like(t, 0.0)))
+                free, pull = joined(free, pull, filled, slope)
+        return free, pull
+
+    def push_out(self, x, i):
+        for a in range(self.start.shape[0] - 1):
+            face, t = deepest(self, a, load(x, i))
+            if t < like(t, 0.0):
+                accumulate(x, i, -t, load(self.planes.normal, face))
+
+
+class Walls(NamedTuple):
+    """The free side of all planes, about obstacles; ``filled`` is T and ``slope`` -dT/dt [1/m], (2 NODES - 1,), from
+    t = -reach to reach.
+
+    ``scale`` (NODES - 1)/reach [1/m], ``reach`` = h [m]; ``near`` (n,) are the sorted particles that may come within
+    reach in this sub-step, ``found`` (1,) of them.
+    """
+
+    planes: Planes
+    obstacles: Obstacles | None
     reach: float
     scale: float
     filled: np.ndarray
@@ -53,9 +101,13 @@ class Walls(NamedTuple):
 
 
 def new_walls(
-    planes: Planes, start: np.ndarray, kernel: Wendland | Poly6Spiky, spacing: float, dimension: int, count: int
+    faces: tuple[Planes, Obstacles | None],
+    kernel: Wendland | Poly6Spiky,
+    spacing: float,
+    dimension: int,
+    count: int,
 ) -> Walls:
-    """Walls for that many particles with that spacing [m] under a kernel."""
+    """Walls and obstacles for that many particles with that spacing [m] under a kernel."""
     h = 1.0 / kernel.inverse
     t = np.linspace(0.0, h, NODES)[:, None]
     rows = t + (np.arange(math.ceil(h / spacing)) + 0.5) * spacing
@@ -65,7 +117,7 @@ def new_walls(
     filled = np.concatenate([1.0 - ratio * filled[:0:-1], filled])
     slope = np.concatenate([ratio * slope[:0:-1], slope])
     near, found = np.zeros(count, dtype=np.uint32), np.zeros(1, dtype=np.int64)
-    return Walls(planes, start, h, (NODES - 1) / h, filled, slope, near, found)
+    return Walls(*faces, h, (NODES - 1) / h, filled, slope, near, found)
 
 
 def plane_integrals(kernel: Wendland | Poly6Spiky, t: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarray]:
@@ -91,52 +143,34 @@ def plane_integrals(kernel: Wendland | Poly6Spiky, t: np.ndarray, dimension: int
 
 @device
 def find_near(walls, position, count):
-    """List the sorted particles within twice the reach of a solid."""
+    """List the sorted particles within twice the reach of a wall or an obstacle."""
     found, far = 0, like(walls.reach, 2.0) * walls.reach
     for k in range(count):
-        near = False
-        for solid in range(walls.start.shape[0] - 1):
-            near |= distance(walls, solid, load(position, k)) < far
+        near = is_near(walls.obstacles, load(position, k), far)
+        for plane in range(walls.planes.offset.shape[0]):
+            near |= height(walls.planes, plane, load(position, k)) < far
         walls.near[found] = k
         found += near
     walls.found[0] = found
 
 
 @device
-def distance(walls, solid, point):
-    """The largest of a point's distances from the planes of a solid: negative inside; outside at most its distance."""
-    first = walls.start[solid]
-    largest = height(walls.planes, first, point)
-    for k in range(first + 1, walls.start[solid + 1]):
-        largest = max(largest, height(walls.planes, k, point))
-    return largest
-
-
-@device
 def beside_walls(walls, point):
-    """(filled, gradient [1/m]): the part of a particle's density that solids give, and its change with the place."""
-    free = like(walls.reach, 1.0)
-    pull = scale(like(walls.reach, 0.0), point)
-    for solid in range(walls.start.shape[0] - 1):
-        t = distance(walls, solid, point)
+    """(filled, gradient [1/m]): the part of a particle's density that walls give, and how it changes with its place."""
+    free, pull = beside_obstacles(walls.obstacles, walls, point)
+    for k in range(walls.planes.offset.shape[0]):
+        t = height(walls.planes, k, point)
         if t < walls.reach:
-            filled, slope = fill_beside(walls, solid, point, min(t, like(t, 0.0)))
-            left = like(walls.reach, 1.0) - filled
-            pull = add(scale(left, pull), scale(free, slope))
-            free *= left
+            filled, slope = from_table(walls, max(t, like(t, 0.0)))
+            free, pull = joined(free, pull, filled, scale(slope, load(walls.planes.normal, k)))
     return like(walls.reach, 1.0) - free, negate(pull)
 
 
 @device
-def fill_beside(walls, solid, point, depth):
-    """(filled, -gradient [1/m]) of one solid; what is within, at ``depth`` < 0, counts as on the nearest face."""
-    filled = like(walls.reach, 1.0)
-    slope = scale(like(walls.reach, 0.0), point)
-    for k in range(walls.start[solid], walls.start[solid + 1]):
-        part, drop = from_table(walls, height(walls.planes, k, point) - depth)
-        slope = add(scale(part, slope), scale(drop * filled, load(walls.planes.normal, k)))
-        filled *= part
-    return filled, slope
+def joined(free, pull, filled, slope):
+    """(1 - filled, its gradient) of what there was and a solid with (filled, -gradient)."""
+    left = like(free, 1.0) - filled
+    return free * left, add(scale(left, pull), scale(free, slope))
 
 
 @device
@@ -155,13 +189,32 @@ def from_table(walls, t):
 
 
 @device
+def deepest(obstacles, a, point):
+    """(face, t): the plane of obstacle a with the largest distance t: < 0 inside, outside at most the obstacle's."""
+    face = obstacles.start[a]
+    largest = height(obstacles.planes, face, point)
+    for k in range(face + 1, obstacles.start[a + 1]):
+        t = height(obstacles.planes, k, point)
+        face, largest = (k, t) if t > largest else (face, largest)
+    return face, largest
+
+
+@device
+def fill_beside(obstacles, walls, a, point, depth):
+    """(filled, -gradient [1/m]) of obstacle a; what is within, at ``depth`` < 0, counts as on the nearest face."""
+    filled, slope = like(walls.reach, 1.0), scale(like(walls.reach, 0.0), point)
+    for k in range(obstacles.start[a], obstacles.start[a + 1]):
+        part, drop = from_table(walls, height(obstacles.planes, k, point) - depth)
+        slope = add(scale(part, slope), scale(drop * filled, load(obstacles.planes.normal, k)))
+        filled *= part
+    return filled, slope
+
+
+@device
 def hold_back(walls, x, i):
-    """Move particle i out of every solid that it has entered, to the nearest face."""
-    for solid in range(walls.start.shape[0] - 1):
-        first = walls.start[solid]
-        nearest, t = first, height(walls.planes, first, load(x, i))
-        for k in range(first + 1, walls.start[solid + 1]):
-            other = height(walls.planes, k, load(x, i))
-            nearest, t = (k, other) if other > t else (nearest, t)
+    """Move particle i to the face of every obstacle and every wall that it has entered."""
+    push_out(walls.obstacles, x, i)
+    for k in range(walls.planes.offset.shape[0]):
+        t = height(walls.planes, k, load(x, i))
         if t < like(t, 0.0):
-            accumulate(x, i, -t, load(walls.planes.normal, nearest))
+            accumulate(x, i, -t, load(walls.planes.normal, k))

@@ -130,4 +130,4 @@ def test_a_step_on_the_floor_may_be_low():
     fluid = pbd.density(
         pbd.particles(X), spacing=0.1, obstacles=[([0.0, -1.0], [1.0, -0.9])], normal=[0.0, 1.0], offset=-1.0
     )
-    assert fluid.walls.start.tolist() == [0, 3, 4]
+    assert fluid.walls.obstacles.start.tolist() == [0, 3]

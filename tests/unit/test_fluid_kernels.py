@@ -77,7 +77,7 @@ def test_integral_over_planes(name, d):
 
 def wall_of(form, spacing, d, normals):
     planes = Planes(to_store(np.array(normals, dtype=float)), np.zeros(len(normals)))
-    return new_walls(planes, np.arange(len(normals) + 1), form, spacing, d, 1)
+    return new_walls((planes, None), form, spacing, d, 1)
 
 
 @CASES

@@ -9,7 +9,7 @@ import pytest
 
 import pbd
 from pbd.fluid.kernels import new_kernel
-from pbd.fluid.obstacles import convex_solids
+from pbd.fluid.wall_input import read_walls
 from pbd.fluid.walls import beside_walls, hold_back, new_walls
 from pbd.vector import from_store, to_store
 
@@ -28,8 +28,7 @@ def block(counts):
 
 def solids(d, boxes, normal=None, offset=0.0):
     """The walls of a fluid, as plain Python and kernels take them."""
-    planes, start = convex_solids(normal, offset, boxes, H, d)
-    return new_walls(planes, start, new_kernel("wendland", H, d), S, d, 1)
+    return new_walls(read_walls(normal, offset, boxes, H, d), new_kernel("wendland", H, d), S, d, 1)
 
 
 def cube(d, low, high):

@@ -1,4 +1,4 @@
-"""Walls and boxes as a user gives them, as the half-spaces of convex solids."""
+"""Walls and boxes as a user gives them, checked."""
 
 from __future__ import annotations
 
@@ -10,27 +10,29 @@ import numpy as np
 from pbd.arrays import broadcast, real_array, unit_vectors
 from pbd.collision.plane import Planes
 from pbd.errors import InvalidInput
+from pbd.fluid.walls import Obstacles
 from pbd.vector import to_store
 
 TOUCHING = 1e-9
 """Of h: so near to a wall a face lies on it."""
 
 
-def convex_solids(normal: Any, offset: Any, obstacles: Any, h: float, d: int) -> tuple[Planes, np.ndarray]:
-    """(planes, start (m + 1,)): solid s is behind planes start_s, ..., start_s+1 - 1; boxes first, then walls.
+def read_walls(normal: Any, offset: Any, obstacles: Any, h: float, d: int) -> tuple[Planes, Obstacles | None]:
+    """The planes of walls, and boxes as obstacles if there are any.
 
     A box that touches a wall goes on behind it: the faces there are left out, or fluid would leave through them.
     """
-    walls = np.zeros((0, d)) if normal is None else unit_vectors("normal", normal, (d,))
-    offsets = np.zeros(0) if normal is None else broadcast("offset", offset, (len(walls),))
+    normals = np.zeros((0, d)) if normal is None else unit_vectors("normal", normal, (d,))
+    offsets = np.zeros(0) if normal is None else broadcast("offset", offset, (len(normals),))
+    planes = Planes(to_store(normals), offsets)
     boxes = () if obstacles is None else obstacles
     if not isinstance(boxes, list | tuple | np.ndarray):
         raise InvalidInput("obstacles", boxes, "a list of boxes (low, high)")
-    found = [_faces(f"obstacles[{k}]", box, walls, offsets, h) for k, box in enumerate(boxes)]
-    normals = np.concatenate([*(normals for normals, _ in found), walls])
-    heights = np.concatenate([*(heights for _, heights in found), offsets])
-    counts = [*(len(heights) for _, heights in found), *[1] * len(walls)]
-    return Planes(to_store(normals), heights), np.cumsum([0, *counts]).astype(np.int64)
+    if len(boxes) == 0:
+        return planes, None
+    found = [_faces(f"obstacles[{k}]", box, normals, offsets, h) for k, box in enumerate(boxes)]
+    faces = Planes(to_store(np.concatenate([each for each, _ in found])), np.concatenate([at for _, at in found]))
+    return planes, Obstacles(faces, np.cumsum([0, *(len(at) for _, at in found)]).astype(np.int64))
 
 
 def _faces(field: str, box: Any, walls: np.ndarray, offsets: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
