@@ -23,7 +23,7 @@ class Settings:
     A sub-step is a whole pass of the algorithm with h = dt / substeps (Small Steps, Macklin et al. 2019);
     constraint projections a step = substeps x iterations x constraints.
 
-    integrator : `pbd.Euler` (2006, the default) or `pbd.Shake`
+    integrator : `pbd.Euler` (2006, the default), `pbd.Shake` or `pbd.Rattle`
     solver : `pbd.GaussSeidel` (2006, the default), `pbd.Direct`, `pbd.Jacobi`, `pbd.Multilevel` or `pbd.Implicit`
     precision : of the state and of all arithmetic of Gauss-Seidel and Jacobi
     threads : that share out the sums of fluids; results are the same, to the last bit, for any number

@@ -14,10 +14,12 @@ has an equality. eps is a number over h^2, so that results do not change with th
 density that is missing beside them. Neighbours are found once in a sub-step, as in the paper. Alone, a particle has
 no gradient: it flies as it would without the constraint, exactly.
 
-Limits: all particles have the same mass. A pass multiplies a ripple of C in a lattice by 1 - omega g with g up to 2.5
-in 2D at h = 2.5 s, 2.6 in 3D at 2 s, 3.8 at 2.5 s: with omega > 2/g the worst ripple grows until C <= 0 cuts it off.
-Four iterations of omega = 1 are then still the most accurate in 2D; a single one a step injects energy until it
-explodes, whatever the step, where omega = .25 to .5, or eps of order 1, does not.
+Particles of solids may count in the sums, see `pbd.fluid.solids`.
+
+Limits: all particles of the fluid have the same mass. A pass multiplies a ripple of C in a lattice by 1 - omega g with
+g up to 2.5 in 2D at h = 2.5 s, 2.6 in 3D at 2 s, 3.8 at 2.5 s: with omega > 2/g the worst ripple grows until C <= 0
+cuts it off. Four iterations of omega = 1 are then still the most accurate in 2D; a single one a step injects energy
+until it explodes, whatever the step, where omega = .25 to .5, or eps of order 1, does not.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.cells import Cells, cut, fill, laid, members_of, place, sort, sorted_places, with_own_candidates
 from pbd.fluid.kernels import Poly6Spiky, Wendland
-from pbd.fluid.rest import Start, arrange, missing, remember
+from pbd.fluid.rest import Start, missing, recall, remember
+from pbd.fluid.solids import Solids, arrange, carried, constraints, is_fluid, is_free, lightened
 from pbd.fluid.sums import density_sums, push_sums
 from pbd.fluid.tasks import CURL, DRAG, FETCH, GATHER, HOLD, LIST, MOVES, MULTIPLIERS, PLACE, PUSHES, SPIN
 from pbd.fluid.terms import Repulsion
@@ -67,14 +70,15 @@ LEAST_PIECE = 64
 
 
 class Density(NamedTuple):
-    """One constraint for each particle of a fluid; arrays in sorted order, see `Cells`.
+    """One constraint for each particle of a fluid; arrays in sorted order, see `Cells`. Solids stand among them.
 
     value, slope : V W = value w, V grad W = -slope g x, of `pbd.fluid.kernels.shape`
     inverse_mass : w [1/kg]; ``softness`` eps w/h^2 [1/(kg m^2)]; ``omega`` relaxation
     law : how stiffly the constraints are enforced, `Stiffness` or `Compliance`
     position, velocity : stores of (n + PADDING,); ``multiplier`` (n + PADDING,) L = omega w l [m^2]
     gradient, push : stores of (n,), grad_i C_i [1/m] and sum_j L_j g (x_i - x_j)
-    density, weight : (n,) rho/rho0 at the start of the last iteration, and sum_j |grad_j C_i|^2 of neighbours [1/m^2]
+    density : (n,) rho/rho0 at the start of the last iteration
+    weight : (n,) sum_j r_j |grad_j C_i|^2 of neighbours [1/m^2]; r_j = 1 but for solids
     """
 
     kernel: Wendland | Poly6Spiky
@@ -96,6 +100,7 @@ class Density(NamedTuple):
     density: np.ndarray
     weight: np.ndarray
     sharing: Sharing | None
+    solids: Solids | None
     repulsion: Repulsion | None
     viscosity: Viscosity | None
     confinement: Confinement | None
@@ -122,7 +127,6 @@ class Density(NamedTuple):
         reset(self.law)
         remember(self.rest, self, state.particles.x)
         prepare(self, state, h)
-        arrange(self.rest, self)
 
     def find_densities(self, x):
         measure_at(self, x)
@@ -132,7 +136,7 @@ class Density(NamedTuple):
         together(self.team, self, MULTIPLIERS, state, h)
         together(self.team, self, PUSHES, state, h)
         together(self.team, self, MOVES, state, h)
-        state.work[0] += self.cells.members.shape[0]
+        state.work[0] += constraints(self.solids, self.cells.members.shape[0])
 
     def work(self, task, piece, pieces, state, h):
         do_piece(self, task, piece, pieces, state, h)
@@ -145,7 +149,7 @@ class Density(NamedTuple):
 def densities(fluid: Density, positions: Any) -> np.ndarray:
     """(m,) rho/rho0 of the members, in the order given, at positions (n, d) of all particles [m].
 
-    Infinite where a position is not finite, for lack of neighbours.
+    Solids count in them. Infinite where a position is not finite, for lack of neighbours.
     """
     x = tuple(aligned(axis, fluid.density.dtype) for axis in np.asarray(positions).T)
     # the law a user's fluid holds as chosen, a bound one as the kernels'
@@ -153,7 +157,7 @@ def densities(fluid: Density, positions: Any) -> np.ndarray:
     found = np.full(int(fluid.cells.members.max()) + 1, np.inf)
     placed = fluid.cells.placed[0]
     found[fluid.cells.particle[:placed]] = fluid.density[:placed]
-    return found[fluid.cells.members]
+    return found[fluid.cells.members[: constraints(fluid.solids, fluid.size())]]
 
 
 @kernel
@@ -166,10 +170,10 @@ def measure(fluid, x):
 def measure_at(fluid, x):
     sort(fluid.cells, x)
     low, high = cut(fluid.cells, 0, 1)
-    gather(fluid.cells, x, fluid.position, low, high)
+    gather_members(fluid, x, low, high)
     first, last = sorted_places(fluid.cells, low, high)
     find_near(fluid.walls, fluid.position, 0, first, last)
-    for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
+    for_each(fluid.cells, fluid.position + carried(fluid.solids), DensitySums(fluid), low, high)
     add_walls(fluid, 0, first)
 
 
@@ -195,7 +199,7 @@ def do_piece(fluid, task, piece, pieces, state, h):
     elif task == PLACE:
         place(cells, particles.p, piece, pieces)
     elif task == GATHER:
-        gather(cells, particles.p, fluid.position, low, high)
+        gather_members(fluid, particles.p, low, high)
     elif task == LIST:
         find_near(fluid.walls, fluid.position, piece, first, last)
     elif task == MULTIPLIERS:
@@ -218,21 +222,31 @@ def do_piece(fluid, task, piece, pieces, state, h):
 def hold_members(fluid, p, piece, pieces):
     """Move the members of a piece out of walls."""
     first, last = members_of(fluid.cells, piece, pieces)
-    for i in range(first, last):
-        hold_back(fluid.walls, p, fluid.cells.members[i])
+    for k in range(first, last):
+        i = fluid.cells.members[k]
+        if is_free(fluid.solids, i):
+            hold_back(fluid.walls, p, i)
+
+
+@device
+def gather_members(fluid, x, low, high):
+    """Bring positions, and what is kept by particle, into sorted order, for cells low, ..., high-1."""
+    gather(fluid.cells, x, fluid.position, low, high)
+    arrange(fluid.solids, fluid.cells, low, high)
+    recall(fluid.rest, fluid.cells, low, high)
 
 
 # ------------------------------------------------------------------ the two passes of an iteration
 
 
 class DensitySums(NamedTuple):
-    """rho_i/rho0, grad_i C_i and the sum of |grad_j C_i|^2 of the neighbours, without walls."""
+    """rho_i/rho0, grad_i C_i and the sum of r_j |grad_j C_i|^2 of the neighbours, without walls."""
 
     fluid: Any
 
     def visit(self, k, first, last):
         fluid = self.fluid
-        sums = density_sums(fluid.kernel, fluid.cells.near, first, last, load(fluid.position, k))
+        sums = density_sums(fluid.kernel, fluid.solids, fluid.cells.near, first, last, load(fluid.position, k))
         fluid.density[k] = fluid.value * sums[0]
         fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
         store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
@@ -252,7 +266,7 @@ class PushSums(NamedTuple):
 @routine
 def find_multipliers(fluid, piece, low, high, h):
     """L_i of the particles of a piece, those of cells low, ..., high-1."""
-    for_each(fluid.cells, fluid.position, DensitySums(fluid), low, high)
+    for_each(fluid.cells, fluid.position + carried(fluid.solids), DensitySums(fluid), low, high)
     first, last = sorted_places(fluid.cells, low, high)
     add_walls(fluid, piece, first)
     for k in range(first, last):
@@ -271,7 +285,10 @@ def add_walls(fluid, piece, first):
 
 @device
 def find_multiplier(fluid, k, h):
-    """L_k from the sums."""
+    """L_k from the sums; 0 for a solid."""
+    if not is_fluid(fluid.solids, fluid.cells.particle[k]):
+        fluid.multiplier[k] = like(fluid.omega, 0.0)
+        return
     gradient = load(fluid.gradient, k)
     weight = fluid.inverse_mass * (fluid.weight[k] + dot(gradient, gradient)) + fluid.softness
     row = (0,), fluid.density[k] - like(weight, 1.0) + missing(fluid.rest, k), (gradient,), (weight,)
@@ -285,8 +302,10 @@ def displace(fluid, p, piece, first, last):
     for axis in range(len(p)):
         for k in range(first, last):
             moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
-            position[axis][k] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
+            position[axis][k] = multiply_add(lightened(fluid.solids, k, -fluid.slope), fluid.push[axis][k], moved)
     for a in range(first, first + np.uint64(fluid.walls.found[piece])):
-        hold_back(fluid.walls, position, fluid.walls.near[a])
+        k = fluid.walls.near[a]
+        if is_free(fluid.solids, cells.particle[k]):
+            hold_back(fluid.walls, position, k)
     for k in range(first, last):
         store(p, cells.particle[k], load(position, k))

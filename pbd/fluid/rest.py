@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pbd.dispatch import stage
+from pbd.fluid.candidates import gather
 from pbd.vector import like
 
 
@@ -31,8 +32,8 @@ def remember(rest, fluid, x):
 
 
 @stage
-def arrange(rest, fluid):
-    """Bring it into the order of the sorted particles."""
+def recall(rest, cells, low, high):
+    """Bring it into the order of the sorted particles of cells low, ..., high-1."""
 
 
 @stage
@@ -55,9 +56,8 @@ class Start(NamedTuple):
             for k in range(fluid.cells.placed[0]):
                 self.lack[fluid.cells.particle[k]] = like(fluid.density[k], 1.0) - fluid.density[k]
 
-    def arrange(self, fluid):
-        for k in range(fluid.cells.placed[0]):
-            self.placed[k] = self.lack[fluid.cells.particle[k]]
+    def recall(self, cells, low, high):
+        gather(cells, (self.lack,), (self.placed,), low, high)
 
     def missing(self, k):
         return self.placed[k]

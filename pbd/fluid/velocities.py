@@ -17,6 +17,7 @@ import numpy as np
 
 from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each
+from pbd.fluid.solids import carried, is_fluid
 from pbd.fluid.sums import curl_sums, slope_sums, smoothed_differences
 from pbd.fluid.tasks import CURL, DRAG, FETCH, SPIN
 from pbd.intrinsics import typed
@@ -63,7 +64,8 @@ class Viscosity(NamedTuple):
         together(fluid.team, fluid, DRAG, state, h)
 
     def drag(self, fluid, particles, low, high):
-        for_each(fluid.cells, fluid.position + fluid.velocity, Drag(self, fluid, particles), low, high)
+        values = fluid.position + fluid.velocity + carried(fluid.solids)
+        for_each(fluid.cells, values, Drag(self, fluid, particles), low, high)
 
 
 class Confinement(NamedTuple):
@@ -100,7 +102,7 @@ class Drag(NamedTuple):
     def visit(self, k, first, last):
         fluid = self.fluid
         point, own = load(fluid.position, k), load(fluid.velocity, k)
-        drag = smoothed_differences(fluid.kernel, fluid.cells.near, first, last, point, own)
+        drag = smoothed_differences(fluid.kernel, fluid.solids, fluid.cells.near, first, last, k, point, own)
         accumulate(self.particles.v, fluid.cells.particle[k], self.viscosity.factor, drag)
 
 
@@ -131,7 +133,9 @@ class Spin(NamedTuple):
         point = load(fluid.position, k)
         slope = slope_sums(fluid.kernel, fluid.cells.near, first, last, point, confinement.size[k])
         push = turned(unit(scale(fluid.slope, slope)), load(confinement.curl, k))
-        accumulate(self.particles.v, fluid.cells.particle[k], self.change, push)
+        i = fluid.cells.particle[k]
+        if is_fluid(fluid.solids, i):
+            accumulate(self.particles.v, i, self.change, push)
 
 
 @device
