@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from comparisons.engines import _symplectic_euler_fluid
 from comparisons.engines._body_checks import check_bodies
 from comparisons.engines._checks import beyond_rods_and_springs
 from comparisons.scene import Rods, Scene, Springs
@@ -31,13 +32,16 @@ FOREIGN = False
 class Settings:
     """``stiffness`` and ``damping_ratio`` apply to rigid links only, ``contact_stiffness`` to rigid bodies only."""
 
-    dt: float = fields.real(1e-4, "s", 1e-12, 1e3, "time step")
+    dt: float | None = fields.real(1e-4, "s", 1e-12, 1e3, "time step; none: of fluids, by courant", optional=True)
     stiffness: float = fields.real(1e6, "N/m", 0.0, 1e15, "spring that stands for a rigid link", above=True)
     damping_ratio: float = fields.real(0.0, "1", 0.0, 10.0, "link damping, as a fraction of critical")
     half_kick: bool = fields.flag(False, "start half a step earlier: leapfrog, second order")
     contact_stiffness: float = fields.real(
         1e6, "N/m/kg", 0.0, 1e15, "spring at a contact point, for each kg of the lighter body", above=True
     )
+    sound_speed: float = fields.real(20.0, "1", 1.0, 1e6, "of fluids, over the scene's speed")
+    courant: float = fields.real(0.2, "1", 0.0, 1.0, "of fluids: way of sound in a step, over the support", above=True)
+    viscosity: float = fields.real(0.05, "1", 0.0, 10.0, "of fluids: alpha, artificial")
 
     def __post_init__(self) -> None:
         fields.check(self, "settings")
@@ -79,6 +83,10 @@ def version() -> str:
 
 def unsupported(scene: Scene, settings: Settings) -> str:
     """Raises `InvalidInput` for numbers that describe no bodies."""
+    if scene.fluid is not None:
+        return _symplectic_euler_fluid.unsupported(scene, settings)
+    if settings.dt is None and (scene.bodies is not None or len(scene.masses.masses) > 0):
+        return "dt must be set for a scene without a fluid"
     if scene.bodies is None:
         return beyond_rods_and_springs(scene)
     check_bodies(scene)
@@ -98,6 +106,8 @@ def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
         from comparisons.engines._symplectic_euler_bodies import prepare as prepare_bodies
 
         return prepare_bodies(scene, settings.contact_stiffness, settings.dt, settings.half_kick)
+    if scene.fluid is not None:
+        return _symplectic_euler_fluid.prepare(scene, settings)
     from comparisons.engines._symplectic_euler_kernel import integrate
     from pbd.vector import from_store, to_store, zeros
 
