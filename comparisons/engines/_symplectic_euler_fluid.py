@@ -95,6 +95,7 @@ def _water(scene: Scene, settings: Any) -> Any:
         tuple(sorted_array(n) for _ in range(d)),
         sorted_array(n),
         tuple(np.zeros(n) for _ in range(d)),
+        np.ones(n),
     )
 
 

@@ -40,7 +40,7 @@ class Settings:
         1e6, "N/m/kg", 0.0, 1e15, "spring at a contact point, for each kg of the lighter body", above=True
     )
     sound_speed: float = fields.real(20.0, "1", 1.0, 1e6, "of fluids, over the scene's speed")
-    courant: float = fields.real(0.2, "1", 0.0, 1.0, "of fluids: way of sound in a step, over the support", above=True)
+    courant: float = fields.real(0.4, "1", 0.0, 1.0, "of fluids: way of sound in a step, over the support", above=True)
     viscosity: float = fields.real(0.05, "1", 0.0, 10.0, "of fluids: alpha, artificial")
 
     def __post_init__(self) -> None:
