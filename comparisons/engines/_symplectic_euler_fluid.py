@@ -57,7 +57,7 @@ def prepare(scene: Scene, settings: Any) -> Callable[[], Trajectory]:
     dt, n = step_of(scene, settings), len(masses.masses)
     every, offset = scene.steps_per_sample(dt), 0.5 * dt if settings.half_kick else 0.0
     gravity = tuple(float(g) for g in scene.gravity)
-    water = _water(scene, settings)
+    water = new_water(scene, settings)
 
     def run() -> Trajectory:
         bodies = Bodies(to_store(masses.positions), to_store(masses.velocities), zeros(n, d), 1.0 / masses.masses)
@@ -71,7 +71,8 @@ def prepare(scene: Scene, settings: Any) -> Callable[[], Trajectory]:
     return run
 
 
-def _water(scene: Scene, settings: Any) -> Any:
+def new_water(scene: Scene, settings: Any) -> Any:
+    """The fluid at rest density, in the walls of the scene."""
     from comparisons.engines._symplectic_euler_fluid_kernel import SOFTENING, Water
     from pbd.fluid.cells import new_cells, sorted_array
     from pbd.fluid.kernels import lattice_sum, new_kernel
