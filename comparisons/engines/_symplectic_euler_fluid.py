@@ -1,6 +1,7 @@
 """Fluids under Newtonian symplectic Euler: weakly compressible SPH, see `_symplectic_euler_fluid_kernel`.
 
-The speed of sound is chosen, not water's: ``sound_speed`` times the scene's, which bounds compression and sets the step.
+The speed of sound is not water's but ``sound_speed`` times the scene's speed: it bounds the compression, a quarter of a
+per cent in water at rest and 1 % at most in a dam break at 20, and sets the step.
 """
 
 from __future__ import annotations
@@ -12,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from comparisons.engines._checks import check_scene
-from comparisons.scene import Fluid, Scene
+from comparisons.scene import Scene
 from comparisons.trajectory import Trajectory
-from pbd.errors import InvalidInput
 
 SUPPORT = {2: 2.5, 3: 2.0}
 """Dimension -> reach of the kernel [spacing]."""
@@ -27,6 +27,8 @@ def unsupported(scene: Scene, settings: Any) -> str:
     assert fluid is not None
     if fluid.solids:
         return "the scene has solids in a fluid"
+    if fluid.obstacles:
+        return "the scene has obstacles in a fluid"
     if scene.links:
         return "the scene has links in a fluid"
     if settings.dt is not None and settings.dt > limit(scene, settings) * (1.0 + 1e-9):
@@ -83,12 +85,13 @@ def new_water(scene: Scene, settings: Any) -> Any:
     h, sound = SUPPORT[d] * fluid.spacing, settings.sound_speed * fluid.speed
     kernel: Any = new_kernel("wendland", h, d)
     volume = fluid.spacing**d / lattice_sum(kernel, fluid.spacing, d)
+    unity = 1.0 / (volume * lattice_moment(kernel, fluid.spacing, d))
     return Water(
         kernel,
         new_cells(np.arange(n), d, h, d + 1),
         new_walls(_planes(scene), kernel, fluid.spacing, d, n),
-        volume * kernel.value,
-        volume * kernel.slope,
+        unity,
+        unity * volume * kernel.slope,
         sound**2 / 7.0,
         settings.viscosity * sound * h,
         SOFTENING * h**2,
@@ -98,6 +101,15 @@ def new_water(scene: Scene, settings: Any) -> Any:
         tuple(np.zeros(n) for _ in range(d)),
         np.ones(n),
     )
+
+
+def lattice_moment(kernel: Any, spacing: float, dimension: int) -> float:
+    """Sum of -x dW/dx over a square or cubic lattice [1/m^d]: about one over the volume of a particle in it."""
+    from pbd.fluid.kernels import profile
+
+    reach = np.arange(-(cells := math.ceil(1.0 / (kernel.inverse * spacing))), cells + 1) * spacing
+    r = np.sqrt(sum(axis**2 for axis in np.meshgrid(*[reach] * dimension))).ravel()
+    return float((r * profile(kernel, r)[1]).sum() / dimension)
 
 
 def _planes(scene: Scene) -> Any:
