@@ -119,7 +119,7 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     """Raises `InvalidInput` for numbers that Bullet would take silently."""
     if scene.fluid is not None:
         return _granular.unsupported(scene)
-    if settings.dt is None:
+    if settings.dt is None and (scene.bodies is not None or len(scene.masses.masses) > 0):
         return "dt must be set for a scene without a fluid"
     if scene.bodies is not None:
         return rigid.unsupported(scene, settings)
@@ -160,6 +160,7 @@ def stand_in(scene: Scene) -> str:
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the world in a client of its own, which disconnects when the returned run is dropped: never timed."""
     check_bodies(scene)
+    settings = _granular.with_step(scene, settings)
     if scene.fluid is not None:
         return _granular.prepare(scene, settings, prepare)
     bullet = load()
@@ -215,6 +216,7 @@ def _build(client: int, scene: Scene, settings: Settings) -> World:
     bullet.setGravity(*[*map(float, scene.gravity), 0.0][:3], physicsClientId=client)
     world = _kind(scene, settings)(client, scene, settings)
     if settings.half_kick:
+        assert settings.dt is not None
         _half_kick(world, settings.dt)
     return world
 
@@ -241,6 +243,7 @@ def _runner(world: World, scene: Scene, settings: Settings) -> Callable[[], Traj
     import pybullet as bullet
 
     step, read, client, half_kick = bullet.stepSimulation, world.read, world.client, settings.half_kick
+    assert settings.dt is not None
     every, times = scene.steps_per_sample(settings.dt), scene.times
     states = np.repeat(world.read()[None], len(times), axis=0)
 

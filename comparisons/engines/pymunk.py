@@ -100,7 +100,7 @@ def unsupported(scene: Scene, settings: Settings) -> str:
         return "pymunk is planar"
     if scene.fluid is not None:
         return _granular.unsupported(scene)
-    if settings.dt is None:
+    if settings.dt is None and (scene.bodies is not None or len(scene.masses.masses) > 0):
         return "dt must be set for a scene without a fluid"
     return beyond_rods_and_springs(scene) if scene.bodies is None else ""
 
@@ -116,16 +116,18 @@ def stand_in(scene: Scene) -> str:
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the space; the run steps and samples it."""
     check_bodies(scene)
+    settings = _granular.with_step(scene, settings)
     if scene.fluid is not None:
         return _granular.prepare(scene, settings, prepare)
     if scene.bodies is not None:
         return _pymunk_bodies.prepare(scene, settings)
     space, rods = _build(scene, settings)
-    half_kick = settings.half_kick
+    half_kick, dt = settings.half_kick, settings.dt
+    assert dt is not None
     if half_kick:
-        _half_kick(space, rods, settings.dt)
+        _half_kick(space, rods, dt)
     step, read = space.step, _reader(space, scene)
-    dt, every, times = settings.dt, scene.steps_per_sample(settings.dt), scene.times
+    every, times = scene.steps_per_sample(dt), scene.times
     positions = np.repeat(scene.masses.positions[None], len(times), axis=0)
     velocities = np.zeros_like(positions)
     velocities[0] = scene.masses.velocities
