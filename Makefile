@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= build/report
 
-.PHONY: report test check gallery bench clean
+.PHONY: report test check gallery reference bench clean
 
 report: $(VENV)/.installed
 	$(BIN)/pbdbench report -o $(OUT)
@@ -21,6 +21,10 @@ check: $(VENV)/.tests-installed
 gallery: report
 	cp $(OUT)/figures/run-time-against-error-rigid-chains-as-called-from-python.png reports/gallery/work-precision.png
 	cp $(OUT)/figures/contacts-errors-against-closed-forms.png reports/gallery/contacts.png
+
+# The dam break's numerical reference, in comparisons/data.
+reference: $(VENV)/.installed
+	$(BIN)/python -m comparisons.studies.front_reference
 
 bench: $(VENV)/.tests-installed
 	$(BIN)/python tests/benchmarks/kernel_floor.py

@@ -158,6 +158,7 @@ def _study(options: argparse.Namespace) -> int:
             study.plot(options.directory / f"{study.kind}.{ending}")
         if study.films:
             study.plot(options.directory / f"{study.kind}.gif")
+            study.plot_moments(options.directory / f"{study.kind}-moments.png")
         print(f"figures and records: {options.directory}")
     print(study.table())
     for omission in study.omissions:

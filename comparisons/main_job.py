@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from comparisons import body_chapters
+from comparisons import body_chapters, fluid_chapters
 from comparisons.isolation import Workers
 from comparisons.studies import (
     calibration,
@@ -194,6 +194,7 @@ OTHERS = (
     _throughput,
     _scaling,
     *body_chapters.CHAPTERS,
+    *fluid_chapters.CHAPTERS,
     _calibration,
 )
 """The chapters after those on chains."""

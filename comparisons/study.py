@@ -44,7 +44,7 @@ class Head(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Panel(msgspec.Struct, frozen=True, kw_only=True):
-    """One pair of axes; labels carry the units. Both axes are logarithmic; y starts at ``lowest`` or above.
+    """One pair of axes; labels carry the units. Both are logarithmic unless ``linear``; y starts at ``lowest``.
 
     rows : where there are some, y is the number of a row, which bears that name, and ``lowest`` is where x starts
     """
@@ -54,14 +54,16 @@ class Panel(msgspec.Struct, frozen=True, kw_only=True):
     x: str
     y: str
     lowest: float = 0.0
+    linear: bool = False
     rows: list[str] = []
 
 
 class Series(msgspec.Struct, frozen=True, kw_only=True):
     """Points of one engine and setting in one panel, or a closed form (``engine`` empty).
 
-    kind : "measured"; "front", the best of an engine; "points", all settings that were tried; "trade", a setting, where
-        less is better on both axes; "lost", where an engine failed; "closed form"
+    kind : "measured"; "curve", without markers; "experiment", markers alone; "front", the best of an engine;
+        "points", all settings that were tried; "trade", a setting, where less is better on both axes; "lost", where a
+        line of an engine ends; "held" and "failed", points of a map; "closed form"; "bound", a limit in closed form
     """
 
     panel: str
@@ -167,6 +169,13 @@ class Study(msgspec.Struct, frozen=True, kw_only=True):
         from reports.figures import draw  # the drawing package is loaded only when a plot is asked for
 
         draw(self, Path(path))
+
+    def plot_moments(self, path: str | Path) -> None:
+        """Draw the moments of the study's films as stills into ``path``, a .png; nothing where they have none."""
+        from reports.animation import moments
+
+        if self.films and self.films[0].moments:
+            moments(self.films, Path(path))
 
 
 class Chapter(msgspec.Struct, frozen=True, kw_only=True):

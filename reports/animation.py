@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -79,10 +80,22 @@ def still(films: Sequence[Film], index: int) -> Image.Image:
         return _frames(films, [index])[0]
 
 
-def _frames(films: Sequence[Film], wanted: Sequence[int] | None = None) -> list[Image.Image]:
+def moments(films: Sequence[Film], path: Path) -> None:
+    """The films' moments below each other, all films in a row, into the PNG ``path``."""
+    with matplotlib.rc_context(RC):
+        rows = _frames(films, films[0].moments, columns=len(films))
+    sheet = Image.new("RGB", (rows[0].width, sum(row.height for row in rows)), "white")
+    for k, row in enumerate(rows):
+        sheet.paste(row, (0, k * row.height))
+    content = io.BytesIO()
+    sheet.save(content, "PNG")
+    write_atomically(path, content.getvalue())
+
+
+def _frames(films: Sequence[Film], wanted: Sequence[int] | None = None, columns: int = COLUMNS) -> list[Image.Image]:
     """The still parts are drawn once; each frame adds bodies and time to them."""
     view = _view(films)
-    columns = min(COLUMNS, len(films))
+    columns = columns if len(films) % columns == 0 or len(films) > 4 else min(2, len(films))
     rows = math.ceil(len(films) / columns)
     side = (WIDTH - GAP) / columns - GAP
     tall = side * (view[3] - view[2]) / (view[1] - view[0])
@@ -108,6 +121,8 @@ def _frames(films: Sequence[Film], wanted: Sequence[int] | None = None) -> list[
 
 def _view(films: Sequence[Film]) -> tuple[float, float, float, float]:
     """What all panels show: x from and to, y from and to [m]: all the fall, and nearly all of the heaps."""
+    if films[0].view:
+        return films[0].view[0], films[0].view[1], films[0].view[2], films[0].view[3]
     poses = np.concatenate([np.array(film.poses).reshape(-1, 3) for film in films])
     ends = np.concatenate([np.array(film.poses[-1]) for film in films])
     reach = max(math.hypot(*shape) for film in films for shape in film.shapes) / 2.0
@@ -153,7 +168,7 @@ class Stage:
         placed = np.einsum("nij,nkj->nki", turn, self.corners) + x[:, None]
         self.boxes.set_verts(list(placed[~is_ball]))
         self.balls.set_offsets(x)
-        self.clock.set_text(f"{self.film.times[k]:.1f} s")
+        self.clock.set_text(self.film.clock.format(self.film.times[k]))
         for artist in (self.boxes, self.balls, self.clock):
             self.ax.draw_artist(artist)
 

@@ -15,12 +15,12 @@ matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from comparisons.study import Panel, Series, Study
 from pbd.errors import InvalidInput
 from reports import animation, dots
-from reports.style import RC, colour, looks, marker
+from reports.style import MARKERS, RC, colour, looks, marker
 
 FORMATS = ("png", "svg")
 DPI = 130
@@ -41,6 +41,15 @@ LETTERS = 26
 """Of the legend, that fit into a line of it."""
 
 LOST: dict[str, Any] = {"marker": "x", "markersize": 7, "markeredgewidth": 2.2, "zorder": 5}
+EXPERIMENT: dict[str, Any] = {
+    "linestyle": "none", "color": "black", "markerfacecolor": "white", "markersize": 6, "zorder": 6
+}  # fmt: skip
+MAP: dict[str, dict[str, Any]] = {
+    "held": {"linestyle": "none", "marker": "o", "markersize": 6},
+    "failed": {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2.0},
+}
+"""Of points of a map."""
+
 TRADE = 8.0
 """Size of a marker that stands alone."""
 
@@ -135,7 +144,8 @@ def _panel_of(cell: Cell) -> Panel:
 
 def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict], heading: str) -> dict[str, Any]:
     """Draw the series of one panel; returns label -> artist for the legend."""
-    ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y, title=heading)
+    scale = "linear" if panel.linear else "log"
+    ax.set(xscale=scale, yscale=scale, xlabel=panel.x, ylabel=panel.y, title=heading)
     handles: dict[str, Any] = {}
     lost: dict[str, Any] = {}
     for series in group:
@@ -145,6 +155,11 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
             ax.plot(series.x, series.y, color=colour(series), linestyle=":", markevery=[-1], **LOST)
             shade = "#666666" if series.x[1:] else colour(series)
             lost[series.label] = Line2D([], [], color=shade, linestyle="none", **LOST)
+        elif series.kind == "experiment":
+            look = {**EXPERIMENT, "marker": MARKERS[sum(s.kind == "experiment" for s in group[: group.index(series)])]}
+            (handles[series.label],) = ax.plot(series.x, series.y, **look)
+        elif series.kind in MAP:
+            (handles[series.label],) = ax.plot(series.x, series.y, color=colour(series), **MAP[series.kind])
         elif series.kind == "trade":
             (handles[series.label],) = ax.plot(series.x, series.y, **marker(series, TRADE))
         elif series.x:
@@ -157,7 +172,8 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
 
 def _share_ranges(axes: Iterable[Axes], cells: Sequence[Cell]) -> None:
     """Give panels with equal axis labels equal ranges, so that the eye may compare them."""
-    placed = [(ax, _panel_of(cell)) for ax, cell in zip(axes, cells, strict=False) if ax.lines]
+    drawn = [(ax, _panel_of(cell)) for ax, cell in zip(axes, cells, strict=False) if ax.lines]
+    placed = [(ax, panel) for ax, panel in drawn if not panel.linear]
     for axis in ("x", "y"):
         for label in {getattr(panel, axis) for _, panel in placed}:
             alike = [(ax, panel) for ax, panel in placed if getattr(panel, axis) == label]
@@ -176,7 +192,7 @@ def _ticks(axis: Any, ratio: float) -> None:
         axis.set_minor_locator(NullLocator() if ratio > MANY_DECADES else LogLocator(subs="auto"))
     elif ratio > 5.0:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(10, 10)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     else:
         axis.set_major_locator(MaxNLocator(5))
         axis.set_major_formatter(ScalarFormatter())

@@ -65,7 +65,9 @@ def _pictures(chapter: Chapter, directory: Path) -> list[Picture]:
         study = chapter.studies[0]
         cells = [(study, panel.name, panel.title) for panel in study.panels]
         drawn = [_picture(cells, chapter.heading, "", directory)] if cells else []
-        return [*drawn, *([_animation(study, chapter.heading, directory)] if study.films else [])]
+        filmed = [_animation(study, chapter.heading, directory)] if study.films else []
+        stills = [_moments(study, chapter.heading, directory)] if study.films and study.films[0].moments else []
+        return [*drawn, *stills, *filmed]
     titles = {panel.name: panel.title for study in chapter.studies for panel in study.panels}
     found = []
     for name, title in titles.items():
@@ -90,6 +92,12 @@ def _animation(study: Study, heading: str, directory: Path) -> Picture:
     path = directory / f"{_stem(heading)}.gif"
     animation.write(study.films, path)
     return Picture(path.name, study.title, "data:image/gif;base64," + base64.b64encode(path.read_bytes()).decode())
+
+
+def _moments(study: Study, heading: str, directory: Path) -> Picture:
+    path = directory / f"{_stem(heading)}-moments.png"
+    animation.moments(study.films, path)
+    return Picture(path.name, study.title, "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode())
 
 
 def _stem(caption: str) -> str:

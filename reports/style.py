@@ -17,6 +17,7 @@ COLOURS = {
     "dop853": "#444444",
     "rattle": "#000000",
     "particle_boxes": "#882255",
+    "pbf": "#004D80",
 }
 TITLES = {
     "pbd": "PBD",
@@ -29,6 +30,7 @@ TITLES = {
     "dop853": "DOP853",
     "rattle": "RATTLE contacts",
     "particle_boxes": "PBD particle boxes",
+    "pbf": "PBF",
     "": "none in the budget",
 }
 OTHER = "#8C564B"
@@ -39,6 +41,9 @@ CHEAPER = ("default", "fast")
 """Presets whose markers are hollow beside another of the same engine."""
 
 CLOSED_FORM = "#999999"
+HELD, FAILED = "#0072B2", "#D55E00"
+UNLINED = ("points", "lost", "experiment", "held", "failed")
+"""Kinds of series that are markers alone."""
 
 LINES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -62,7 +67,9 @@ RC: dict[Any, Any] = {
 
 def colour(series: Series) -> str:
     """The engine's colour; grey for closed forms."""
-    return CLOSED_FORM if series.kind == "closed form" else COLOURS.get(series.engine, OTHER)
+    if series.kind in ("held", "failed"):
+        return HELD if series.kind == "held" else FAILED
+    return CLOSED_FORM if series.kind in ("closed form", "bound") else COLOURS.get(series.engine, OTHER)
 
 
 def looks(group: list[Series]) -> dict[str, dict]:
@@ -73,7 +80,7 @@ def looks(group: list[Series]) -> dict[str, dict]:
     ranks: dict[str, int] = {}
     found: dict[str, dict] = {}
     for series in group:
-        if series.label in found or series.kind in ("points", "lost"):
+        if series.label in found or series.kind in UNLINED:
             continue
         rank = ranks[series.engine] = ranks.get(series.engine, -1) + 1
         thickness = max(1.2, 2.4 - 0.3 * list(ranks).index(series.engine))
@@ -83,6 +90,10 @@ def looks(group: list[Series]) -> dict[str, dict]:
             "linewidth": thickness,
             "markersize": 2.0 + 1.7 * thickness,
         }
+        if series.kind == "curve":
+            found[series.label].update(marker="none")
+        if series.kind == "bound":
+            found[series.label] = {"linestyle": "--", "linewidth": 1.5, "zorder": 1}
         if series.kind == "closed form":
             found[series.label] = {"linestyle": "-", "linewidth": 7.0, "alpha": 0.35, "zorder": 1}
     return found

@@ -84,7 +84,8 @@ def _filled(scene: Scene, x: np.ndarray) -> np.ndarray:
         free *= 1.0 - _beside((x @ normal - offset) / spacing, d)
     for low, high in fluid_of(scene).obstacles:
         faces = np.concatenate([low - x, x - high], axis=1) / spacing
-        free *= 1.0 - np.prod(_beside(faces, d), axis=1)
+        deep = _plane_table(d)[1][0]
+        free *= 1.0 - deep * np.prod(_beside(faces, d) / deep, axis=1)
     return 1.0 - free
 
 
@@ -165,3 +166,8 @@ def fitted(times: np.ndarray, values: np.ndarray, measured: np.ndarray) -> tuple
     left = [misfit(times, values, measured, offset) for offset in offsets]
     best = int(np.argmin(left))
     return float(offsets[best]), left[best]
+
+
+def neighbours(x: np.ndarray, reach: float) -> float:
+    """Mean number of others within ``reach`` [m] of particles at x (n, d)."""
+    return 2.0 * len(KDTree(x).query_pairs(reach, output_type="ndarray")) / len(x)

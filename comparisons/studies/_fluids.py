@@ -1,0 +1,143 @@
+"""What the studies of fluids share: who takes part, and their runs with the motion kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from comparisons import catalog, engine
+from comparisons.isolation import Workers
+from comparisons.metrics import Subject
+from comparisons.record import Record, RunSpec
+from comparisons.run import bind, build_scene, execute
+from comparisons.scene import Scene
+from comparisons.study import Omission
+from comparisons.trajectory import Trajectory
+from pbd.errors import InvalidInput
+
+OURS = "pbf"
+"""The subject: this project's position based fluids."""
+
+DEFAULT_STEP = 1.0 / 240.0
+"""[s] pybullet's own, and what is usual with pymunk."""
+
+GRAIN_COURANT = 0.16
+"""Way of a grain in a step at the scene's speed [spacing] where steps are matched to PBF's."""
+
+Seen = TypeVar("Seen")
+
+
+@dataclass(frozen=True)
+class Contender:
+    """An engine with settings; ``step`` gives its time step [s] in a scene where the engine does not choose one."""
+
+    label: str
+    engine: str
+    preset: str = "default"
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    step: Callable[[Scene], float] | None = None
+
+    def spec(self, scene: str, parameters: Mapping[str, Any], metrics: Sequence[str]) -> RunSpec:
+        """A run; the step, if it is not the engine's choice, a whole fraction of the sample interval."""
+        given = dict(self.settings)
+        if self.step is not None:
+            built = build_scene(scene, dict(parameters))
+            interval = built.duration / built.samples
+            given["dt"] = interval / math.ceil(interval / self.step(built) - 1e-9)
+        return RunSpec(
+            scene=scene,
+            engine=self.engine,
+            preset=self.preset,
+            parameters=dict(parameters),
+            settings=given,
+            metrics=tuple(metrics),
+        )
+
+
+def usual_step(scene: Scene) -> float:
+    """What users of engines of rigid bodies take [s]."""
+    return DEFAULT_STEP
+
+
+def matched_step(scene: Scene) -> float:
+    """PBF's own [s]."""
+    assert scene.fluid is not None
+    return GRAIN_COURANT * scene.fluid.spacing / scene.fluid.speed
+
+
+PBF = Contender("PBF", OURS)
+FAST = Contender("PBF, single precision", OURS, "fast")
+XPBD = Contender("XPBD fluid", OURS, settings={"method": "xpbd"})
+ACCURATE = Contender("PBF, accurate", OURS, "accurate")
+WCSPH = Contender("WCSPH (symplectic Euler)", "symplectic_euler", settings={"dt": None})
+GRAINS = (
+    Contender("pymunk discs (granular)", "pymunk", "matched", step=matched_step),
+    Contender("pymunk discs, default", "pymunk", step=usual_step),
+    Contender("pybullet balls (granular)", "pybullet", "matched", step=matched_step),
+    Contender("pybullet balls, default", "pybullet", step=usual_step),
+)
+CONTENDERS = (PBF, FAST, XPBD, ACCURATE, WCSPH, *GRAINS)
+ENGINES = tuple(dict.fromkeys(one.engine for one in CONTENDERS))
+
+
+def chosen(
+    names: Sequence[str] | None, settings: Mapping[str, Any] | None, of: Iterable[Contender] = CONTENDERS
+) -> list[Contender]:
+    """Who takes part, of all of ENGINES by default; such a study sets their settings itself."""
+    if settings:
+        raise InvalidInput("settings", sorted(settings), "absent: this study sets them itself", "use run")
+    for name in names or ():
+        engine.load(name)
+        if name not in ENGINES:
+            raise InvalidInput("engines", name, "of " + ", ".join(ENGINES), "others move no fluids")
+    return [one for one in of if one.engine in (names or ENGINES)]
+
+
+def check(specs: Iterable[RunSpec]) -> None:
+    """Refuse bad input before anything runs."""
+    for spec in specs:
+        bind(spec)
+
+
+def counts(name: str, values: Sequence[float]) -> None:
+    """Refuse a list that is empty or holds what is not a whole number >= 1."""
+    if not values or not all(float(value).is_integer() and value >= 1 for value in values):
+        raise InvalidInput(name, list(values), "at least one number, all whole and >= 1")
+
+
+def measured(pool: Workers, spec: RunSpec, see: Callable[[Subject], Seen]) -> tuple[Record, Seen | None]:
+    """A run's record, and what ``see`` finds in its motion, None where it has none."""
+    kept: list[Trajectory] = []
+
+    def runner(asked: RunSpec) -> Trajectory:
+        kept.append(pool[asked.engine].run(asked))
+        return kept[0]
+
+    record = execute(spec, runner)
+    if record.status.code != "ok" or not kept:
+        return record, None
+    return record, see(Subject(kept[0], build_scene(spec.scene, spec.parameters)))
+
+
+def others_left_out() -> list[Omission]:
+    """The engines that move no fluids, in their adapters' words."""
+    water, found = build_scene("lone_particle", {}), []
+    for name in catalog.names("engines"):
+        if name not in ENGINES:
+            reason = engine.load(name).unsupported(water, engine.make_settings(name, "default", {}))
+            found.append(Omission(name, reason or "has no place in this study", "choose another engine or scene"))
+    return found
+
+
+def lost(records: Iterable[Record]) -> list[Omission]:
+    """Engines none of whose runs has a result."""
+    mine: dict[str, list[Record]] = {}
+    for record in records:
+        mine.setdefault(record.engine, []).append(record)
+    return [
+        Omission(name, some[0].status.quantity or some[0].status.code, some[0].status.remedy)
+        for name, some in mine.items()
+        if all(record.status.code != "ok" for record in some)
+    ]

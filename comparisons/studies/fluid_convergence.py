@@ -1,0 +1,178 @@
+"""How the dam break converges: over particles, time step, sub-steps and iterations, each method towards its own limit.
+
+A line's error is the rms distance of its front, from T = 0.5 to 2, from that of its own finest point, which is not
+drawn. Particles are counted by the spacing, dx/a. What a line leaves out - the finest spacing's own error, which the
+gap between two methods' limits tells - is in the dam break's numerical reference.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from comparisons import engine
+from comparisons.fit import Fit, fit_order
+from comparisons.gather import PARALLEL
+from comparisons.isolation import Workers
+from comparisons.metrics import Subject, _water
+from comparisons.progress import Progress
+from comparisons.record import Record, RunSpec
+from comparisons.studies import _fluids
+from comparisons.studies._fluids import PBF, WCSPH, XPBD, Contender
+from comparisons.study import Panel, Series, Study, head
+from pbd import fields
+
+SCENE, METRICS = "dam_break", ("front_error", "density_error", "density_peak")
+PLACE = {"duration": 2.0, "samples": 20}
+ACROSS = (5, 10, 20, 40)
+COURANT = (0.64, 0.32, 0.16, 0.08, 0.04)
+COUNTS = (1, 2, 4, 8, 16)
+FROM = 0.5
+"""T from which fronts are compared."""
+
+RESOLUTION = 20
+"""Particles across where something else varies."""
+
+METHODS = (PBF, XPBD, WCSPH)
+AXES = {
+    "across": "spacing dx/a",
+    "courant": "time step, c = dt √(a g)/dx",
+    "substeps": "sub-steps in each step",
+    "iterations": "iterations in each step",
+}
+Y = "rms distance of the front from the finest [a]"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A method along an axis, from coarse to fine."""
+
+    one: Contender
+    axis: str
+    specs: Sequence[RunSpec]
+
+
+def run(
+    *,
+    engines: Sequence[str] | None = None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    across: Sequence[int] = ACROSS,
+    courant: Sequence[float] = COURANT,
+    substeps: Sequence[int] = COUNTS,
+    iterations: Sequence[int] = COUNTS,
+    resolution: int = RESOLUTION,
+    workers: Workers | None = None,
+    quiet: bool = False,
+) -> Study:
+    """Measure distances along each axis and fit orders.
+
+    Parameters
+    ----------
+    engines : of "pbf" and "symplectic_euler"; default both
+    settings : must be empty
+    across, courant, substeps, iterations : points of each axis, from coarse to fine
+    resolution : particles across where something else varies
+
+    Raises
+    ------
+    InvalidInput : before anything runs
+    """
+    methods = _fluids.chosen(engines, settings, METHODS)
+    _fluids.counts("across", across)
+    _fluids.counts("resolution", [resolution])
+    points = {"across": across, "courant": courant, "substeps": substeps, "iterations": iterations}
+    lines = [
+        _line(one, axis, values, resolution) for axis, values in points.items() for one in methods if _has(one, axis)
+    ]
+    _fluids.check(spec for line in lines for spec in line.specs)
+    found = _gather(lines, workers, quiet)
+    series = [s for line in lines for s in _series(line, found[line.one, line.axis])]
+    used = [axis for axis in AXES if any(s.panel == axis for s in series)]
+    return Study(
+        kind="fluid_convergence",
+        title=f"Convergence of the dam break; {resolution} particles across where something else varies",
+        subject="dam break",
+        scene=SCENE,
+        parameters=PLACE,
+        head=head(),
+        panels=[Panel(name=axis, title=f"against {axis}", x=AXES[axis], y=Y) for axis in used],
+        series=series,
+        records=[record for some in found.values() for record, _ in some],
+        omissions=_fluids.lost(record for some in found.values() for record, _ in some),
+        sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.fit]
+        + [said for line in lines if (said := _compression(line, found[line.one, line.axis]))],
+    )
+
+
+def _has(one: Contender, axis: str) -> bool:
+    return axis == "across" or axis in fields.rules(engine.load(one.engine).Settings)
+
+
+def _line(one: Contender, axis: str, values: Sequence[float], resolution: int) -> Line:
+    if axis == "across":
+        return Line(one, axis, [one.spec(SCENE, {**PLACE, "across": n}, METRICS) for n in values])
+    chosen = [dataclasses.replace(one, settings={**one.settings, axis: value}) for value in values]
+    return Line(one, axis, [each.spec(SCENE, {**PLACE, "across": resolution}, METRICS) for each in chosen])
+
+
+def _gather(
+    lines: Sequence[Line], workers: Workers | None, quiet: bool
+) -> dict[tuple[Contender, str], list[tuple[Record, np.ndarray | None]]]:
+    """Records and fronts of all lines, engine beside engine."""
+    pool, found = workers or Workers(), {}
+    try:
+        with (
+            Progress("fluid convergence", len(lines), quiet=quiet) as progress,
+            ThreadPoolExecutor(PARALLEL) as threads,
+        ):
+
+            def run_engine(name: str) -> None:
+                for line in lines:
+                    if line.one.engine == name:
+                        runs = [_fluids.measured(pool, spec, _front) for spec in line.specs]
+                        found[line.one, line.axis] = runs
+                        progress.advance()
+
+            list(threads.map(run_engine, dict.fromkeys(line.one.engine for line in lines)))
+    finally:
+        if workers is None:
+            pool.__exit__()
+    return {(line.one, line.axis): found[line.one, line.axis] for line in lines}
+
+
+def _front(subject: Subject) -> np.ndarray:
+    """(s,) Z from T = FROM on."""
+    times, fronts = _water.dimensionless(subject)
+    return fronts[times >= FROM - 1e-9]
+
+
+def _series(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> list[Series]:
+    """A line's points and fit; iterations and sub-steps are fitted over 1/n."""
+    kept = [(_place(line.axis, record), front) for record, front in runs if front is not None]
+    if len(kept) < 2:
+        return []
+    limit = kept[-1][1]
+    xs = [x for x, _ in kept[:-1]]
+    ys = [float(np.sqrt(np.mean((front - limit) ** 2))) for _, front in kept[:-1]]
+    over = xs if line.axis in ("across", "courant") else [1.0 / x for x in xs]
+    fit: Fit = fit_order(over, ys)
+    one = line.one
+    return [Series(panel=line.axis, label=one.label, engine=one.engine, preset=one.preset, x=xs, y=ys, fit=fit)]
+
+
+def _place(axis: str, record: Record) -> float:
+    return 1.0 / record.parameters["across"] if axis == "across" else float(record.settings[axis])
+
+
+def _compression(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> str:
+    """Mean compression from the first to the last point."""
+    kept = [record for record, front in runs if front is not None]
+    if len(kept) < 2 or line.axis == "across":
+        return ""
+    ends = [f"{record.metric('density_error'):.1e} at {record.settings[line.axis]:g}" for record in (kept[0], kept[-1])]
+    return f"{line.one.label}, mean compression against {line.axis}: {ends[0]}, {ends[1]}."
