@@ -24,7 +24,6 @@ class Engine(Protocol):
     Settings : frozen dataclass of `pbd.fields`; with ``dt`` if it steps, ``method`` if it has several
     PRESETS : name -> changes to the defaults; "default" is what a user gets, {} at least
     describe(settings) : optional, how the settings are named in plots and tables
-    stand_in(scene) : optional, what it runs in place of the scene's fluid, for labels; empty for nothing
     VARIANTS : optional, settings shown by the convergence study; else the default and the matched preset
     calibrate() : optional, list of `record.Finding` that only this engine can show; runs where its runs do
     """

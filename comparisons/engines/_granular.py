@@ -21,9 +21,6 @@ from comparisons.engines._checks import check_scene
 from comparisons.scene import Scene, no_masses
 from comparisons.trajectory import Trajectory
 
-STAND_IN = "granular"
-"""What labels say of such a run."""
-
 COURANT = 0.16
 """Way at the scene's speed in a step [spacing], where no step is set; a quarter of it moves no front beyond chance."""
 

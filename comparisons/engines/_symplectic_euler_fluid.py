@@ -1,7 +1,7 @@
 """Fluids under Newtonian symplectic Euler: weakly compressible SPH, see `_symplectic_euler_fluid_kernel`.
 
-The speed of sound is not water's but ``sound_speed`` times the scene's speed: it bounds the compression, a quarter of a
-per cent in water at rest and 1 % at most in a dam break at 20, and sets the step.
+The speed of sound is not water's but ``sound_speed`` times the scene's speed. It bounds the compression - at 20 a third
+of a per cent at the bottom of water at rest, 1 % at most in a dam break - and sets the step.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ point_to_point : free dumbbell rods held together by ball joints, which Gauss-Se
 Rigid bodies have reduced coordinates if articulated, the engine's default, and else maximal ones, as rods have; see
 `_pybullet_body_world`. With ``half_kick`` falling, sliding and rolling are of second order, and what rests stays at
 rest, as a half step from there changes nothing. Impacts, found at the end of a step, stay of first. Of a fluid grains
-take the place, see `_granular`.
+take the place, see `_granular`; in the plane they are capsules, so the scene is a slab 1.5 diameters thick.
 
 Damping c, on unless set to 0, is a deceleration c v (1 + |v|) of an articulated link, v in m/s, and
 (1 - c)^h on the velocities of a free rod.
@@ -151,10 +151,6 @@ def _articulated(links: int, settings: Settings) -> bool:
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
     return SWEEP if scene.bodies is None and scene.fluid is None else BODY_SWEEP
-
-
-def stand_in(scene: Scene) -> str:
-    return _granular.STAND_IN if scene.fluid is not None else ""
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:

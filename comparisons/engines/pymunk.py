@@ -109,10 +109,6 @@ def sweep(scene: Scene) -> list[dict[str, Any]]:
     return SWEEP if scene.bodies is None and scene.fluid is None else BODY_SWEEP
 
 
-def stand_in(scene: Scene) -> str:
-    return _granular.STAND_IN if scene.fluid is not None else ""
-
-
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the space; the run steps and samples it."""
     check_bodies(scene)
