@@ -11,7 +11,8 @@ point_to_point : free dumbbell rods held together by ball joints, which Gauss-Se
 
 Rigid bodies have reduced coordinates if articulated, the engine's default, and else maximal ones, as rods have; see
 `_pybullet_body_world`. With ``half_kick`` falling, sliding and rolling are of second order, and what rests stays at
-rest, as a half step from there changes nothing. Impacts, found at the end of a step, stay of first.
+rest, as a half step from there changes nothing. Impacts, found at the end of a step, stay of first. Of a fluid grains
+take the place, see `_granular`; in the plane they are capsules, so the scene is a slab 1.5 diameters thick.
 
 Damping c, on unless set to 0, is a deceleration c v (1 + |v|) of an articulated link, v in m/s, and
 (1 - c)^h on the velocities of a free rod.
@@ -27,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.engines import _granular
 from comparisons.engines import _pybullet_bodies as rigid
 from comparisons.engines._body_checks import check_bodies
 from comparisons.engines._checks import check_scene
@@ -57,7 +59,7 @@ class Settings:
     formulation: str = fields.choice(
         "articulated", FORMULATIONS, "by_links: articulated for one link, else ball joints; for bodies the latter"
     )
-    dt: float = fields.real(1e-3, "s", 1e-12, 1e3, "time step")
+    dt: float | None = fields.real(1e-3, "s", 1e-12, 1e3, "time step; none: of fluids, by their speed", optional=True)
     damping: float = fields.real(0.04, "1/s", 0.0, 1.0, "linear and angular damping of bodies")
     max_joint_velocity: float = fields.real(100.0, "rad/s", 0.0, 1e30, "joint rates are clamped to it", above=True)
     iterations: int = fields.whole(50, 1, 1_000_000, "solver iterations in each step")
@@ -115,13 +117,15 @@ def version() -> str:
 
 def unsupported(scene: Scene, settings: Settings) -> str:
     """Raises `InvalidInput` for numbers that Bullet would take silently."""
+    if scene.fluid is not None:
+        return _granular.unsupported(scene)
+    if settings.dt is None and (scene.bodies is not None or len(scene.masses.masses) > 0):
+        return "dt must be set for a scene without a fluid"
     if scene.bodies is not None:
         return rigid.unsupported(scene, settings)
     check_scene(scene)
     masses, links = scene.masses, scene.links
     n = len(masses.masses) - 1
-    if scene.fluid is not None:
-        return "the scene has a fluid"
     if len(scene.gravity) != 2:
         return "the adapter embeds planar scenes only"
     if scene.of(Springs):
@@ -146,12 +150,15 @@ def _articulated(links: int, settings: Settings) -> bool:
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
-    return SWEEP if scene.bodies is None else BODY_SWEEP
+    return SWEEP if scene.bodies is None and scene.fluid is None else BODY_SWEEP
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the world in a client of its own, which disconnects when the returned run is dropped: never timed."""
     check_bodies(scene)
+    settings = _granular.with_step(scene, settings)
+    if scene.fluid is not None:
+        return _granular.prepare(scene, settings, prepare)
     bullet = load()
     client = bullet.connect(bullet.DIRECT)
     try:
@@ -205,6 +212,7 @@ def _build(client: int, scene: Scene, settings: Settings) -> World:
     bullet.setGravity(*[*map(float, scene.gravity), 0.0][:3], physicsClientId=client)
     world = _kind(scene, settings)(client, scene, settings)
     if settings.half_kick:
+        assert settings.dt is not None
         _half_kick(world, settings.dt)
     return world
 
@@ -231,6 +239,7 @@ def _runner(world: World, scene: Scene, settings: Settings) -> Callable[[], Traj
     import pybullet as bullet
 
     step, read, client, half_kick = bullet.stepSimulation, world.read, world.client, settings.half_kick
+    assert settings.dt is not None
     every, times = scene.steps_per_sample(settings.dt), scene.times
     states = np.repeat(world.read()[None], len(times), axis=0)
 

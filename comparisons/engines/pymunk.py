@@ -3,7 +3,7 @@
 A step moves first and kicks after: x <- x + h v, then v <- v + h a(x) with the impulses that give every
 rod the velocity -(1 - error_bias^h) C / h along itself. With ``half_kick`` a leading half step puts v half
 a step after x: springs are then leapfrog, and rods with error_bias 0 are SHAKE with one Newton step a step.
-Rigid bodies: see `_pymunk_bodies`.
+Rigid bodies: see `_pymunk_bodies`. Of a fluid grains take the place, see `_granular`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.engines import _pymunk_bodies
+from comparisons.engines import _granular, _pymunk_bodies
 from comparisons.engines._body_checks import check_bodies
 from comparisons.engines._checks import beyond_rods_and_springs
 from comparisons.record import Finding
@@ -46,7 +46,7 @@ With fewer a full correction pumps energy, the sooner the smaller the step: 0.2 
 class Settings:
     """``error_bias`` None is 0 with at least links^2 / 2 iterations, and Chipmunk's own with fewer."""
 
-    dt: float = fields.real(1e-3, "s", 1e-12, 1e3, "time step")
+    dt: float | None = fields.real(1e-3, "s", 1e-12, 1e3, "time step; none: of fluids, by their speed", optional=True)
     iterations: int = fields.whole(10, 1, 1_000_000, "solver iterations in each step")
     error_bias: float | None = fields.real(
         ENGINE_ERROR_BIAS, "1", 0.0, 1.0, "part of a rod's error left after 1 s; none: by links", optional=True
@@ -98,24 +98,32 @@ def unsupported(scene: Scene, settings: Settings) -> str:
     check_bodies(scene)
     if len(scene.gravity) != 2:
         return "pymunk is planar"
+    if scene.fluid is not None:
+        return _granular.unsupported(scene)
+    if settings.dt is None and (scene.bodies is not None or len(scene.masses.masses) > 0):
+        return "dt must be set for a scene without a fluid"
     return beyond_rods_and_springs(scene) if scene.bodies is None else ""
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:
-    return SWEEP if scene.bodies is None else BODY_SWEEP
+    return SWEEP if scene.bodies is None and scene.fluid is None else BODY_SWEEP
 
 
 def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
     """Build the space; the run steps and samples it."""
     check_bodies(scene)
+    settings = _granular.with_step(scene, settings)
+    if scene.fluid is not None:
+        return _granular.prepare(scene, settings, prepare)
     if scene.bodies is not None:
         return _pymunk_bodies.prepare(scene, settings)
     space, rods = _build(scene, settings)
-    half_kick = settings.half_kick
+    half_kick, dt = settings.half_kick, settings.dt
+    assert dt is not None
     if half_kick:
-        _half_kick(space, rods, settings.dt)
+        _half_kick(space, rods, dt)
     step, read = space.step, _reader(space, scene)
-    dt, every, times = settings.dt, scene.steps_per_sample(settings.dt), scene.times
+    every, times = scene.steps_per_sample(dt), scene.times
     positions = np.repeat(scene.masses.positions[None], len(times), axis=0)
     velocities = np.zeros_like(positions)
     velocities[0] = scene.masses.velocities

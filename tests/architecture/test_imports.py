@@ -26,8 +26,10 @@ OWN_ADAPTERS = {
 }
 """Adapters of the solver itself, and what they share."""
 
-SHARED_WITH_SYMPLECTIC_EULER = {"pbd.jit", "pbd.vector", "pbd.collision"}
-"""So that methods are compared, and not compilers or ray casts."""
+SHARED_WITH_SYMPLECTIC_EULER = {"pbd.jit", "pbd.vector", "pbd.collision", "pbd.routine", "pbd.intrinsics"} | {
+    f"pbd.fluid.{name}" for name in ("cells", "candidates", "lanes", "sums", "kernels", "walls")
+}
+"""So that methods are compared, and not compilers, ray casts, neighbour searches or the walls of a fluid."""
 
 UNSAFE_MODULES = {"pickle", "marshal", "shelve", "dill", "joblib", "yaml", "cloudpickle"}
 UNSAFE_CALLS = {"eval", "exec", "compile", "__import__"}
