@@ -87,6 +87,12 @@ def of_run(law, r):
 
 
 @stage
+def relax(law, c, change, share):
+    """The share of an increment that a relaxed solver applies; a multiplier keeps no more of it."""
+    return share * change
+
+
+@stage
 def reset(law):
     """Forget the multipliers of the last (sub-)step."""
 
@@ -128,6 +134,10 @@ class Compliant(NamedTuple):
         scaled = self.alpha[c] / (h * h)
         residual = -row[1] - scaled * self.multiplier[c]
         return advance(self, c, residual * inverse_weight(particles.w, row, 1.0, scaled))
+
+    def relax(self, c, change, share):
+        self.multiplier[c] -= (like(share, 1.0) - share) * change
+        return share * change
 
 
 class DampedCompliant(NamedTuple):

@@ -27,8 +27,6 @@ def unsupported(scene: Scene, settings: Any) -> str:
     assert fluid is not None
     if fluid.solids:
         return "the scene has solids in a fluid"
-    if fluid.obstacles:
-        return "the scene has obstacles in a fluid"
     if scene.links:
         return "the scene has links in a fluid"
     if settings.dt is not None and settings.dt > limit(scene, settings) * (1.0 + 1e-9):
@@ -78,6 +76,7 @@ def new_water(scene: Scene, settings: Any) -> Any:
     from comparisons.engines._symplectic_euler_fluid_kernel import SOFTENING, Water
     from pbd.fluid.cells import new_cells, sorted_array
     from pbd.fluid.kernels import lattice_sum, new_kernel
+    from pbd.fluid.wall_input import read_walls
     from pbd.fluid.walls import new_walls
 
     fluid, d, n = scene.fluid, len(scene.gravity), len(scene.masses.masses)
@@ -85,11 +84,13 @@ def new_water(scene: Scene, settings: Any) -> Any:
     h, sound = SUPPORT[d] * fluid.spacing, settings.sound_speed * fluid.speed
     kernel: Any = new_kernel("wendland", h, d)
     volume = fluid.spacing**d / lattice_sum(kernel, fluid.spacing, d)
+    planes = scene.planes
+    normal, offset = (None, 0.0) if planes is None else (planes.normals, planes.offsets)
     unity = 1.0 / (volume * lattice_moment(kernel, fluid.spacing, d))
     return Water(
         kernel,
         new_cells(np.arange(n), d, h, d + 1),
-        new_walls(_planes(scene), kernel, fluid.spacing, d, n),
+        new_walls(read_walls(normal, offset, fluid.obstacles, h, d), kernel, fluid.spacing, d, n),
         unity,
         unity * volume * kernel.slope,
         sound**2 / 7.0,
@@ -110,13 +111,3 @@ def lattice_moment(kernel: Any, spacing: float, dimension: int) -> float:
     reach = np.arange(-(cells := math.ceil(1.0 / (kernel.inverse * spacing))), cells + 1) * spacing
     r = np.sqrt(sum(axis**2 for axis in np.meshgrid(*[reach] * dimension))).ravel()
     return float((r * profile(kernel, r)[1]).sum() / dimension)
-
-
-def _planes(scene: Scene) -> Any:
-    from pbd.collision.plane import Planes
-    from pbd.vector import to_store
-
-    d, planes = len(scene.gravity), scene.planes
-    if planes is None:
-        return Planes(to_store(np.zeros((0, d))), np.zeros(0))
-    return Planes(to_store(planes.normals), np.array(planes.offsets, dtype=float))

@@ -32,7 +32,7 @@ import numpy as np
 
 from comparisons.engines._symplectic_euler_kernel import drift, kick, not_finite, sample
 from pbd.fluid.candidates import for_each, gather
-from pbd.fluid.cells import Cells, sort
+from pbd.fluid.cells import Cells, cut, sort
 from pbd.fluid.kernels import Wendland, shape
 from pbd.fluid.lanes import fused, inverse, lanes, no_lanes, positive, totals, width
 from pbd.fluid.sums import difference, nothing, square, weighted
@@ -112,11 +112,11 @@ def stop(walls, bodies, h):
 def accelerate(water, bodies, gravity, h):
     """Densities and pressures at the present positions, to which a step h has led, then accelerations."""
     sort(water.cells, bodies.x)
-    gather(water.cells, bodies.x, water.position)
-    gather(water.cells, bodies.v, water.velocity)
+    low, high = cut(water.cells, 0, 1)
     moving = water.position + water.velocity
-    for_each(water.cells, moving, Pressures(water, h))
-    for_each(water.cells, moving + (water.pressure,), Forces(water, bodies.a, gravity))
+    gather(water.cells, bodies.x + bodies.v, moving, low, high)
+    for_each(water.cells, moving, Pressures(water, h), low, high)
+    for_each(water.cells, moving + (water.pressure,), Forces(water, bodies.a, gravity), low, high)
 
 
 class Pressures(NamedTuple):

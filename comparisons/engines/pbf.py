@@ -67,8 +67,8 @@ class Settings:
 
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
-    "fast": {"precision": "float32"},
-    "accurate": {"courant": 0.04, "iterations": 2, "omega": 0.5},
+    "fast": {"rest": "start", "precision": "float32"},
+    "accurate": {"rest": "start", "courant": 0.04, "iterations": 2, "omega": 0.5},
 }
 SWEEP: list[dict[str, Any]] = [{}, {"method": "xpbd"}, {"iterations": 1, "omega": 0.25}, {"iterations": 10}]
 
@@ -99,6 +99,7 @@ def describe(settings: Settings) -> str:
     counts = ((settings.iterations, "iterations"), (settings.substeps, "sub-steps"), (settings.threads, "threads"))
     said = [f"{n} {what}" if n > 1 else f"1 {what[:-1]}" for n, what in counts if n > 1 or what == "iterations"]
     said += [f"omega = {settings.omega:g}"] if settings.omega != 1.0 else []
+    said += ["density from the start"] if settings.rest == "start" else []
     said += ["half kick"] if settings.half_kick else []
     said += [settings.precision] if settings.precision != "float64" else []
     return ", ".join([names[settings.method], *said])
@@ -140,6 +141,8 @@ def _simulation(scene: Scene, settings: Settings, dt: float) -> Any:
         iterations=settings.iterations,
         substeps=settings.substeps,
         precision=settings.precision,
+        threads=settings.threads if scene.fluid is not None else 1,
+        integrator=pbd.Euler(half_kick=settings.half_kick),
     )
     batches = [] if scene.fluid is None else [_density(scene, particles, settings), *_solids(scene, particles)]
     return pbd.Simulation(particles, batches, gravity=scene.gravity, settings=steps)
@@ -164,6 +167,8 @@ def _density(scene: Scene, particles: Any, settings: Settings) -> Any:
         confinement=settings.confinement,
         repulsion=settings.repulsion,
         rest=settings.rest,
+        solids=fluid.solid if fluid.solids else None,
+        obstacles=fluid.obstacles,
         **walls,
     )
 

@@ -30,21 +30,28 @@ import numpy as np
 
 from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
-from pbd.fluid.cells import Cells, cut, fill, laid, members_of, place, sort, sorted_places, with_own_candidates
+from pbd.fluid.cells import Cells, cut, fill, laid, place, sort, sorted_places, with_own_candidates
 from pbd.fluid.kernels import Poly6Spiky, Wendland
-from pbd.fluid.rest import Start, missing, recall, remember
-from pbd.fluid.solids import Solids, arrange, carried, constraints, is_fluid, is_free, lightened
-from pbd.fluid.sums import density_sums, push_sums
+from pbd.fluid.passes import (
+    DensitySums,
+    PushSums,
+    add_walls,
+    displace,
+    find_multipliers,
+    gather_members,
+    hold_members,
+)
+from pbd.fluid.rest import Start, remember
+from pbd.fluid.solids import Solids, carried, constraints
 from pbd.fluid.tasks import CURL, DRAG, FETCH, GATHER, HOLD, LIST, MOVES, MULTIPLIERS, PLACE, PUSHES, SPIN
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity, confine, drag, find_curl, smooth, spin
-from pbd.fluid.walls import Walls, beside_walls, find_near, hold_back
-from pbd.intrinsics import multiply_add
-from pbd.jit import device, kernel
-from pbd.projection import increment, reset
+from pbd.fluid.walls import Walls, find_near
+from pbd.jit import kernel
+from pbd.projection import reset
 from pbd.routine import routine
 from pbd.team import Team, new_team, together
-from pbd.vector import Store, accumulate, aligned, dot, like, load, scale, store
+from pbd.vector import Store, aligned
 
 
 class Unit(NamedTuple):
@@ -216,96 +223,3 @@ def do_piece(fluid, task, piece, pieces, state, h):
         find_curl(fluid.confinement, fluid, low, high)
     elif task == SPIN:
         spin(fluid.confinement, fluid, particles, h, low, high)
-
-
-@device
-def hold_members(fluid, p, piece, pieces):
-    """Move the members of a piece out of walls."""
-    first, last = members_of(fluid.cells, piece, pieces)
-    for k in range(first, last):
-        i = fluid.cells.members[k]
-        if is_free(fluid.solids, i):
-            hold_back(fluid.walls, p, i)
-
-
-@device
-def gather_members(fluid, x, low, high):
-    """Bring positions, and what is kept by particle, into sorted order, for cells low, ..., high-1."""
-    gather(fluid.cells, x, fluid.position, low, high)
-    arrange(fluid.solids, fluid.cells, low, high)
-    recall(fluid.rest, fluid.cells, low, high)
-
-
-# ------------------------------------------------------------------ the two passes of an iteration
-
-
-class DensitySums(NamedTuple):
-    """rho_i/rho0, grad_i C_i and the sum of r_j |grad_j C_i|^2 of the neighbours, without walls."""
-
-    fluid: Any
-
-    def visit(self, k, first, last):
-        fluid = self.fluid
-        sums = density_sums(fluid.kernel, fluid.solids, fluid.cells.near, first, last, load(fluid.position, k))
-        fluid.density[k] = fluid.value * sums[0]
-        fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
-        store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
-
-
-class PushSums(NamedTuple):
-    """sum_j L_j g (x_i - x_j), with repulsion if there is any."""
-
-    fluid: Any
-
-    def visit(self, k, first, last):
-        fluid = self.fluid
-        point = load(fluid.position, k)
-        store(fluid.push, k, push_sums(fluid.kernel, fluid.repulsion, fluid.cells.near, first, last, point))
-
-
-@routine
-def find_multipliers(fluid, piece, low, high, h):
-    """L_i of the particles of a piece, those of cells low, ..., high-1."""
-    for_each(fluid.cells, fluid.position + carried(fluid.solids), DensitySums(fluid), low, high)
-    first, last = sorted_places(fluid.cells, low, high)
-    add_walls(fluid, piece, first)
-    for k in range(first, last):
-        find_multiplier(fluid, k, h)
-
-
-@device
-def add_walls(fluid, piece, first):
-    """What walls give to a piece that starts at sorted particle ``first``, and its gradient."""
-    for a in range(first, first + np.uint64(fluid.walls.found[piece])):
-        k = fluid.walls.near[a]
-        filled, pull = beside_walls(fluid.walls, load(fluid.position, k))
-        fluid.density[k] += filled
-        accumulate(fluid.gradient, k, like(filled, 1.0), pull)
-
-
-@device
-def find_multiplier(fluid, k, h):
-    """L_k from the sums; 0 for a solid."""
-    if not is_fluid(fluid.solids, fluid.cells.particle[k]):
-        fluid.multiplier[k] = like(fluid.omega, 0.0)
-        return
-    gradient = load(fluid.gradient, k)
-    weight = fluid.inverse_mass * (fluid.weight[k] + dot(gradient, gradient)) + fluid.softness
-    row = (0,), fluid.density[k] - like(weight, 1.0) + missing(fluid.rest, k), (gradient,), (weight,)
-    fluid.multiplier[k] = fluid.omega * fluid.inverse_mass * increment(fluid.law, k, row, fluid.unit, h)
-
-
-@routine
-def displace(fluid, p, piece, first, last):
-    """p_i <- p_i + dp_i for a piece, sorted particles first, ..., last-1, kept from entering walls."""
-    cells, position = fluid.cells, fluid.position
-    for axis in range(len(p)):
-        for k in range(first, last):
-            moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
-            position[axis][k] = multiply_add(lightened(fluid.solids, k, -fluid.slope), fluid.push[axis][k], moved)
-    for a in range(first, first + np.uint64(fluid.walls.found[piece])):
-        k = fluid.walls.near[a]
-        if is_free(fluid.solids, cells.particle[k]):
-            hold_back(fluid.walls, position, k)
-    for k in range(first, last):
-        store(p, cells.particle[k], load(position, k))

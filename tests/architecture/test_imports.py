@@ -22,12 +22,12 @@ VALIDATION = {"pbd.errors", "pbd.fields"}
 
 OWN_ADAPTERS = {
     f"comparisons/engines/{name}.py"
-    for name in ("pbd", "rattle", "shake", "_pbd_scene", "particle_boxes", "_particle_boxes_motion")
+    for name in ("pbd", "pbf", "rattle", "shake", "_pbd_scene", "particle_boxes", "_particle_boxes_motion")
 }
 """Adapters of the solver itself, and what they share."""
 
 SHARED_WITH_SYMPLECTIC_EULER = {"pbd.jit", "pbd.vector", "pbd.collision", "pbd.routine", "pbd.intrinsics"} | {
-    f"pbd.fluid.{name}" for name in ("cells", "candidates", "lanes", "sums", "kernels", "walls")
+    f"pbd.fluid.{name}" for name in ("cells", "candidates", "lanes", "sums", "kernels", "walls", "wall_input")
 }
 """So that methods are compared, and not compilers, ray casts, neighbour searches or the walls of a fluid."""
 

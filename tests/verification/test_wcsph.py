@@ -86,7 +86,6 @@ def test_steps_are_the_longest_that_sound_allows():
 
 def test_what_it_cannot_run_is_said():
     assert "solids" in symplectic_euler.unsupported(build_scene("floating_box", {}), settings())
-    assert "obstacles" in symplectic_euler.unsupported(build_scene("dam_break", {"obstacle": True}), settings())
     assert "dt" in symplectic_euler.unsupported(build_scene("pendulum_chain", {"links": 2}), settings())
     with pytest.raises(InvalidInput, match="sound_speed"):
         settings(sound_speed=0.0)
