@@ -67,10 +67,11 @@ def matched_step(scene: Scene) -> float:
     return GRAIN_COURANT * scene.fluid.spacing / scene.fluid.speed
 
 
+# PBF and XPBD are as published; "from rest" takes the density at the start for that of rest, see `pbd.fluid.rest`
 PBF = Contender("PBF", OURS)
-FAST = Contender("PBF, single precision", OURS, "fast")
+FAST = Contender("PBF from rest, fast", OURS, "fast")
 XPBD = Contender("XPBD fluid", OURS, settings={"method": "xpbd"})
-ACCURATE = Contender("PBF, accurate", OURS, "accurate")
+ACCURATE = Contender("PBF from rest, accurate", OURS, "accurate")
 WCSPH = Contender("WCSPH (symplectic Euler)", "symplectic_euler", settings={"dt": None})
 GRAINS = (
     Contender("pymunk discs (granular)", "pymunk", "matched", step=matched_step),

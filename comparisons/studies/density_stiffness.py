@@ -113,7 +113,7 @@ def _series(law: Law, records: Sequence[Record]) -> list[Series]:
 def expected(alpha: float, across: int) -> float:
     """alpha m g H/2."""
     scene = build_scene(SCENE, {"across": across})
-    depth = scene.masses.positions[:, 1].max() + 0.5 * scene.masses.positions[:, 1].min()
+    depth = scene.masses.positions[:, 1].max() + scene.masses.positions[:, 1].min()
     return 0.5 * alpha * float(scene.masses.masses[0]) * -float(scene.gravity[1]) * float(depth)
 
 

@@ -7,10 +7,10 @@ themselves. With r_k = w_k/w, 1 for a particle of the fluid,
     dp_k = omega w r_k (l_k grad_k C_k + sum_j l_j grad_k C_j)
     v_i <- v_i + c sum_j V W_ij min(1, m_j/m_i) (v_j - v_i),   m_j/m_i = r_i/r_j
 
-Source: Macklin et al. 2014, "Unified Particle Physics", section 7. What two particles do to one another is equal and
-opposite, so linear momentum is kept; buoyancy and drag follow. Particles of a solid are held together by a batch of
-their own, such as `pbd.shape_matching`. Pinned ones, r = 0, are obstacles. Deviation: in the paper the mass of a solid
-counts in the density too.
+Source: Macklin et al. 2014, "Unified Particle Physics". What two particles do to one another is equal and opposite, so
+linear momentum is kept; buoyancy and drag follow. A solid's mass has no part in the density, only its volume.
+Particles of a solid are held together by a batch of their own, such as `pbd.shape_matching`. Pinned ones, r = 0, are
+obstacles. Repulsion, where it is on, acts between all.
 
 Limits: a pass moves the particles of a solid as if they were free; a body made of many gives way less, and so takes
 more iterations. Solids do not hold one another back: that is for contacts. A single layer of particles lets a fast
