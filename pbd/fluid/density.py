@@ -14,10 +14,12 @@ has an equality. eps is a number over h^2, so that results do not change with th
 density that is missing beside them. Neighbours are found once in a sub-step, as in the paper. Alone, a particle has
 no gradient: it flies as it would without the constraint, exactly.
 
-Limits: all particles have the same mass. A pass multiplies a ripple of C in a lattice by 1 - omega g with g up to 2.5
-in 2D at h = 2.5 s, 2.6 in 3D at 2 s, 3.8 at 2.5 s: with omega > 2/g the worst ripple grows until C <= 0 cuts it off.
-Four iterations of omega = 1 are then still the most accurate in 2D; a single one a step injects energy until it
-explodes, whatever the step, where omega = .25 to .5, or eps of order 1, does not.
+Particles of solids may count in the sums, see `pbd.fluid.solids`.
+
+Limits: all particles of the fluid have the same mass. A pass multiplies a ripple of C in a lattice by 1 - omega g with
+g up to 2.5 in 2D at h = 2.5 s, 2.6 in 3D at 2 s, 3.8 at 2.5 s: with omega > 2/g the worst ripple grows until C <= 0
+cuts it off. Four iterations of omega = 1 are then still the most accurate in 2D; a single one a step injects energy
+until it explodes, whatever the step, where omega = .25 to .5, or eps of order 1, does not.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
 from pbd.fluid.cells import Cells, sort
 from pbd.fluid.kernels import Poly6Spiky, Wendland
+from pbd.fluid.solids import Solids, arrange, carried, constraints, is_fluid, is_free, lightened
 from pbd.fluid.sums import density_sums, push_sums
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity, confine, smooth
@@ -60,14 +63,15 @@ class Sharing(NamedTuple):
 
 
 class Density(NamedTuple):
-    """One constraint for each particle of a fluid; arrays in sorted order, see `Cells`.
+    """One constraint for each particle of a fluid; arrays in sorted order, see `Cells`. Solids stand among them.
 
     value, slope : V W = value w, V grad W = -slope g x, of `pbd.fluid.kernels.shape`
     inverse_mass : w [1/kg]; ``softness`` eps w/h^2 [1/(kg m^2)]; ``omega`` relaxation
     law : how stiffly the constraints are enforced, `Stiffness` or `Compliance`
     position, velocity : stores of (n + PADDING,); ``multiplier`` (n + PADDING,) L = omega w l [m^2]
     gradient, push : stores of (n,), grad_i C_i [1/m] and sum_j L_j g (x_i - x_j)
-    density, weight : (n,) rho/rho0 at the start of the last iteration, and sum_j |grad_j C_i|^2 of neighbours [1/m^2]
+    density : (n,) rho/rho0 at the start of the last iteration
+    weight : (n,) sum_j r_j |grad_j C_i|^2 of neighbours [1/m^2]; r_j = 1 but for solids
     """
 
     kernel: Wendland | Poly6Spiky
@@ -88,6 +92,7 @@ class Density(NamedTuple):
     density: np.ndarray
     weight: np.ndarray
     sharing: Sharing | None
+    solids: Solids | None
     repulsion: Repulsion | None
     viscosity: Viscosity | None
     confinement: Confinement | None
@@ -107,7 +112,7 @@ class Density(NamedTuple):
         reread(self.sharing, self, state.particles.p)
         find_multipliers(self, h)
         displace(self, state.particles.p)
-        state.work[0] += self.cells.members.shape[0]
+        state.work[0] += constraints(self.solids, self.cells.members.shape[0])
 
     def end(self, state, h):
         confine(self.confinement, self, state.particles, h)
@@ -117,23 +122,21 @@ class Density(NamedTuple):
 def densities(fluid: Density, positions: Any) -> np.ndarray:
     """(m,) rho/rho0 of the members, in the order given, at positions (n, d) of all particles [m].
 
-    Infinite where a position is not finite, for lack of neighbours.
+    Solids count in them. Infinite where a position is not finite, for lack of neighbours.
     """
     x = tuple(aligned(axis, fluid.density.dtype) for axis in np.asarray(positions).T)
     measure(fluid._replace(law=None), x)  # which a user's fluid holds as chosen, a bound one as the kernels'
     found = np.full(int(fluid.cells.members.max()) + 1, np.inf)
     placed = fluid.cells.placed[0]
     found[fluid.cells.particle[:placed]] = fluid.density[:placed]
-    return found[fluid.cells.members]
+    return found[fluid.cells.members[: constraints(fluid.solids, fluid.size())]]
 
 
 @kernel
 def measure(fluid, x):
     """Densities at x, in sorted order."""
-    sort(fluid.cells, x)
-    gather(fluid.cells, x, fluid.position)
-    find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
-    for_each(fluid.cells, fluid.position, DensitySums(fluid))
+    place(fluid, x)
+    for_each(fluid.cells, fluid.position + carried(fluid.solids), DensitySums(fluid))
     add_walls(fluid)
 
 
@@ -141,9 +144,18 @@ def measure(fluid, x):
 def prepare(fluid, p):
     """Sort the particles, none of them within a wall, and find those beside walls."""
     for k in range(fluid.cells.members.shape[0]):
-        hold_back(fluid.walls, p, fluid.cells.members[k])
-    sort(fluid.cells, p)
-    gather(fluid.cells, p, fluid.position)
+        i = fluid.cells.members[k]
+        if is_free(fluid.solids, i):
+            hold_back(fluid.walls, p, i)
+    place(fluid, p)
+
+
+@device
+def place(fluid, x):
+    """Sort the particles at x, and find those beside walls."""
+    sort(fluid.cells, x)
+    gather(fluid.cells, x, fluid.position)
+    arrange(fluid.solids, fluid.cells)
     find_near(fluid.walls, fluid.position, fluid.cells.placed[0])
 
 
@@ -151,13 +163,13 @@ def prepare(fluid, p):
 
 
 class DensitySums(NamedTuple):
-    """rho_i/rho0, grad_i C_i and the sum of |grad_j C_i|^2 of the neighbours, without walls."""
+    """rho_i/rho0, grad_i C_i and the sum of r_j |grad_j C_i|^2 of the neighbours, without walls."""
 
     fluid: Any
 
     def visit(self, k, first, last):
         fluid = self.fluid
-        sums = density_sums(fluid.kernel, fluid.cells.near, first, last, load(fluid.position, k))
+        sums = density_sums(fluid.kernel, fluid.solids, fluid.cells.near, first, last, load(fluid.position, k))
         fluid.density[k] = fluid.value * sums[0]
         fluid.weight[k] = fluid.slope * fluid.slope * sums[1]
         store(fluid.gradient, k, scale(-fluid.slope, sums[2:]))
@@ -177,7 +189,7 @@ class PushSums(NamedTuple):
 @routine
 def find_multipliers(fluid, h):
     """L_i of all particles."""
-    for_each(fluid.cells, fluid.position, DensitySums(fluid))
+    for_each(fluid.cells, fluid.position + carried(fluid.solids), DensitySums(fluid))
     add_walls(fluid)
     for k in range(fluid.cells.placed[0]):
         find_multiplier(fluid, k, h)
@@ -195,7 +207,10 @@ def add_walls(fluid):
 
 @device
 def find_multiplier(fluid, k, h):
-    """L_k from the sums."""
+    """L_k from the sums; 0 for a solid."""
+    if not is_fluid(fluid.solids, fluid.cells.particle[k]):
+        fluid.multiplier[k] = like(fluid.omega, 0.0)
+        return
     gradient = load(fluid.gradient, k)
     weight = fluid.inverse_mass * (fluid.weight[k] + dot(gradient, gradient)) + fluid.softness
     row = (0,), fluid.density[k] - like(weight, 1.0), (gradient,), (weight,)
@@ -210,8 +225,10 @@ def displace(fluid, p):
     for axis in range(len(p)):
         for k in range(cells.placed[0]):
             moved = multiply_add(fluid.multiplier[k], fluid.gradient[axis][k], position[axis][k])
-            position[axis][k] = multiply_add(-fluid.slope, fluid.push[axis][k], moved)
+            position[axis][k] = multiply_add(lightened(fluid.solids, k, -fluid.slope), fluid.push[axis][k], moved)
     for a in range(fluid.walls.found[0]):
-        hold_back(fluid.walls, position, fluid.walls.near[a])
+        k = fluid.walls.near[a]
+        if is_free(fluid.solids, cells.particle[k]):
+            hold_back(fluid.walls, position, k)
     for k in range(cells.placed[0]):
         store(p, cells.particle[k], load(position, k))

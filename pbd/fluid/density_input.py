@@ -13,6 +13,7 @@ from pbd.errors import InvalidInput, unknown
 from pbd.fluid.cells import new_cells, sorted_array
 from pbd.fluid.density import Density, Sharing, Unit
 from pbd.fluid.kernels import KERNELS, lattice_sum, new_kernel, profile
+from pbd.fluid.solids import Solids
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity
 from pbd.fluid.walls import new_walls
@@ -41,6 +42,7 @@ def density(
     confinement: float = 0.0,
     repulsion: float = 0.0,
     members: Any = None,
+    solids: Any = None,
 ) -> Density:
     """The particles as an incompressible fluid; its rest density is that of a lattice with this spacing.
 
@@ -58,29 +60,32 @@ def density(
     viscosity : c of XSPH in [0, 1]
     confinement : e of vorticity confinement, >= 0 [1/s]
     repulsion : k of s_corr, >= 0
-    members : indices of the particles that are fluid; default all
+    members : indices of the particles that are fluid; default all that are not solid
+    solids : indices of particles of solids that the fluid flows about, pinned ones among them; of any masses, each of
+        the volume spacing^d. Another batch holds a solid's particles together
 
     Raises
     ------
-    InvalidInput : a value outside its range; particles in 1D, pinned, or of different masses
+    InvalidInput : a value outside its range; particles in 1D; fluid that is pinned, of different masses, or solid too
     """
     d = len(particles.x)
     if d not in (2, 3):
         raise InvalidInput("particles", d, "of dimension 2 or 3", "a fluid on a line has no kernel here")
-    chosen = _members(particles, members)
+    hard = _solids(particles, solids)
+    chosen = _members(particles, members, hard)
     spacing = number("spacing", spacing, 1e-9, 1e9, "a finite number >= 1e-09 and <= 1e+09 m")
     h = spacing * number("support", support, 1.2, 6.0, "a number in [1.2, 6]")
     if kernel not in KERNELS:
         raise unknown("kernel", str(kernel), KERNELS)
     form = new_kernel(kernel, h, d)
     volume = spacing**d / lattice_sum(form, spacing, d)
-    w, n = float(particles.w[chosen[0]]) if len(chosen) else 1.0, len(chosen)
+    w, n = float(particles.w[chosen[0]]) if len(chosen) else 1.0, len(chosen) + len(hard)
     law = _law(law)
     softness = _epsilon(epsilon, law) * w / h**2
     factor = number("viscosity", viscosity, 0.0, 1.0, "a number in [0, 1]") * volume * form.value
     return Density(
         kernel=form,
-        cells=new_cells(chosen, d, h, d),
+        cells=new_cells(np.concatenate([chosen, hard]), d, h, d + (len(hard) > 0)),
         walls=new_walls(_planes(normal, offset, d), form, spacing, d, n),
         value=volume * form.value,
         slope=volume * form.slope,
@@ -97,20 +102,40 @@ def density(
         density=np.zeros(n),
         weight=np.zeros(n),
         sharing=Sharing(),
+        solids=Solids(len(hard), _marks(hard, particles), particles.w / w, sorted_array(n)) if len(hard) else None,
         repulsion=_repulsion(repulsion, form, h),
         viscosity=Viscosity(factor) if factor > 0.0 else None,
         confinement=_confinement(confinement, h, n, d),
     )
 
 
-def _members(particles: Particles, members: Any) -> np.ndarray:
-    n = particles.w.shape[0]
-    chosen = np.arange(n) if members is None else indices("members", members, n)
+def _solids(particles: Particles, solids: Any) -> np.ndarray:
+    return _different("solids", () if solids is None else solids, particles.w.shape[0])
+
+
+def _different(field: str, values: Any, n: int) -> np.ndarray:
+    chosen = indices(field, values, n)
     if chosen.ndim != 1 or len(np.unique(chosen)) < len(chosen):
-        raise InvalidInput("members", np.asarray(members).tolist(), "a list of different particles")
+        raise InvalidInput(field, np.asarray(values).tolist(), "a list of different particles")
+    return chosen
+
+
+def _marks(solids: np.ndarray, particles: Particles) -> np.ndarray:
+    """(n,) whether each particle is solid."""
+    return np.isin(np.arange(particles.w.shape[0]), solids)
+
+
+def _members(particles: Particles, members: Any, solids: np.ndarray) -> np.ndarray:
+    others = ~_marks(solids, particles)
+    chosen = np.flatnonzero(others) if members is None else _different("members", members, len(others))
+    if not np.all(others[chosen]):
+        twice = int(chosen[~others[chosen]][0])
+        raise InvalidInput("solids", twice, "of particles that are no members", "a particle is fluid or solid")
+    if len(solids) and not len(chosen):
+        raise InvalidInput("members", [], "some particles where there are solids", "solids alone need no fluid")
     w = particles.w[chosen]
     if not np.all(w > 0.0):
-        raise InvalidInput(f"members[{int(np.argmin(w))}]", 0.0, "a particle that can move", "make walls of planes")
+        raise InvalidInput(f"members[{int(np.argmin(w))}]", 0.0, "a particle that can move", "list it in solids")
     if len(w) and w.max() - w.min() > 1e-9 * w.max():
         raise InvalidInput("particles", f"masses from {1 / w.max():g} to {1 / w.min():g} kg", "of one mass in a fluid")
     return chosen

@@ -6,6 +6,7 @@ from typing import Any
 
 from pbd.fluid.kernels import shape
 from pbd.fluid.lanes import fused, lanes, no_lanes, totals, width
+from pbd.fluid.solids import dragged, lightened_lanes
 from pbd.fluid.terms import attract
 from pbd.intrinsics import typed
 from pbd.jit import device
@@ -13,15 +14,18 @@ from pbd.vector import negate
 
 
 @device
-def density_sums(kernel, near, first, last, point):
-    """sum w, sum g^2 |x_i - x_j|^2, and the components of sum g (x_i - x_j); see `pbd.fluid.kernels.shape`."""
+def density_sums(kernel, solids, near, first, last, point):
+    """sum w, sum r_j g^2 |x_i - x_j|^2, and the components of sum g (x_i - x_j); see `pbd.fluid.kernels.shape`.
+
+    r_j, beside the candidates' positions where there are solids, is 1 in a fluid.
+    """
     value, norm, slope = no_lanes(near[0]), no_lanes(near[0]), nothing(point, near)
     for k in range(first, last, width(near[0])):
         apart = difference(point, near, k)
         squared = square(apart)
         w, g = shape(kernel, squared)
         value = value + w
-        norm = fused(g * g, squared, norm)
+        norm = fused(lightened_lanes(solids, near, len(point), k, g * g), squared, norm)
         slope = weighted(g, apart, slope)
     return totals((value, norm) + slope)
 
@@ -38,11 +42,12 @@ def push_sums(kernel, repulsion, near, first, last, point):
 
 
 @device
-def smoothed_differences(kernel, near, first, last, point, own):
-    """sum w (v_j - v_i), the v_j beside the candidates' positions."""
+def smoothed_differences(kernel, solids, near, first, last, place, point, own):
+    """sum w min(1, m_j/m_i) (v_j - v_i) of the sorted particle at ``place``, the v_j beside candidates' positions."""
     drag = nothing(point, near)
     for k in range(first, last, width(near[0])):
         w, _ = shape(kernel, square(difference(point, near, k)))
+        w = dragged(solids, place, near, 2 * len(point), k, w)
         drag = weighted(w, difference(own, near[len(point) :], k), drag)
     return negate(totals(drag))
 

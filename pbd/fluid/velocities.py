@@ -17,6 +17,7 @@ import numpy as np
 
 from pbd.dispatch import stage
 from pbd.fluid.candidates import for_each, gather
+from pbd.fluid.solids import carried, is_fluid
 from pbd.fluid.sums import curl_sums, slope_sums, smoothed_differences
 from pbd.intrinsics import typed
 from pbd.jit import device
@@ -71,7 +72,7 @@ class Drag(NamedTuple):
     def visit(self, k, first, last):
         fluid = self.fluid
         point, own = load(fluid.position, k), load(fluid.velocity, k)
-        drag = smoothed_differences(fluid.kernel, fluid.cells.near, first, last, point, own)
+        drag = smoothed_differences(fluid.kernel, fluid.solids, fluid.cells.near, first, last, k, point, own)
         accumulate(self.particles.v, fluid.cells.particle[k], self.viscosity.factor, drag)
 
 
@@ -102,14 +103,17 @@ class Spin(NamedTuple):
         point = load(fluid.position, k)
         slope = slope_sums(fluid.kernel, fluid.cells.near, first, last, point, confinement.size[k])
         push = turned(unit(scale(fluid.slope, slope)), load(confinement.curl, k))
-        accumulate(self.particles.v, fluid.cells.particle[k], self.change, push)
+        i = fluid.cells.particle[k]
+        if is_fluid(fluid.solids, i):
+            accumulate(self.particles.v, i, self.change, push)
 
 
 @routine
 def smooth_velocities(viscosity, fluid, particles):
     gather(fluid.cells, particles.x, fluid.position)
     gather(fluid.cells, particles.v, fluid.velocity)
-    for_each(fluid.cells, fluid.position + fluid.velocity, Drag(viscosity, fluid, particles))
+    values = fluid.position + fluid.velocity + carried(fluid.solids)
+    for_each(fluid.cells, values, Drag(viscosity, fluid, particles))
 
 
 @routine

@@ -37,6 +37,9 @@ def refused(particles=None, **arguments):
         ("normal", [1.0, 0.0, 0.0]),
         ("members", [0, 0]),
         ("members", [9]),
+        ("solids", [1, 1]),
+        ("solids", [-1]),
+        ("solids", "all"),
         ("law", 0.5),
         ("law", pbd.Stiffness(relation="at_least")),
     ],
@@ -63,6 +66,16 @@ def test_pinned_member():
 
 def test_different_masses():
     assert "one mass" in refused(pbd.particles(X, masses=np.linspace(1.0, 2.0, 9)))
+
+
+def test_masses_of_solids_may_differ():
+    particles = pbd.particles(X, masses=np.append(np.ones(6), [2.0, 3.0, 4.0]), pinned=[8])
+    assert pbd.density(particles, spacing=0.1, solids=[6, 7, 8]).cells.members.tolist() == list(range(9))
+
+
+def test_fluid_or_solid():
+    assert "solids = 4" in refused(members=[3, 4], solids=[4, 5])
+    assert "solids alone need no fluid" in refused(members=[], solids=[4, 5])
 
 
 def test_stiffness_for_each_particle():

@@ -16,16 +16,19 @@ rng = np.random.default_rng(0)
 found = []
 for d, precision, terms in (
     (2, "float64", {}),
-    (2, "float32", {}),
+    (2, "float32", {"solids": [0, 1, 2, 3], "viscosity": 0.1}),
     (3, "float64", {"viscosity": 0.1, "confinement": 1.0, "repulsion": 0.01, "kernel": "poly6_spiky"}),
     (2, "float64", {"law": pbd.Compliance(1e-6, relation="at_most"), "confinement": 1.0}),
 ):
     x = rng.uniform(0.0, 0.1 * 40 ** (1 / d), (40, d))
-    particles = pbd.particles(x, velocities=rng.normal(size=(40, d)), masses=1000 * 0.1**d)
+    masses, solids = np.full(40, 1000 * 0.1**d), terms.get("solids", [])
+    masses[solids] *= 0.5
+    particles = pbd.particles(x, velocities=rng.normal(size=(40, d)), masses=masses, pinned=solids[:2])
     fluid = pbd.density(particles, spacing=0.1, normal=np.eye(d), **terms)
     settings = pbd.Settings(dt=0.004, iterations=2, precision=precision)
     out = pbd.Simulation(particles, [fluid], gravity=[0.0] * (d - 1) + [-9.81], settings=settings).run(6, [6])
-    found.append([out.status, out.projections, out.positions[-1].tolist(), out.velocities[-1].tolist()])
+    projections = out.projections + 12 * len(solids)
+    found.append([out.status, projections, out.positions[-1].tolist(), out.velocities[-1].tolist()])
 print(json.dumps(found))
 """
 
