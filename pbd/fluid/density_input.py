@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pbd.arrays import broadcast, indices, number, unit_vectors
-from pbd.collision.plane import Planes
+from pbd.arrays import indices, number
 from pbd.errors import InvalidInput, unknown
 from pbd.fluid.cells import new_cells, sorted_array
 from pbd.fluid.density import Density, Sharing, Unit
@@ -16,10 +15,10 @@ from pbd.fluid.kernels import KERNELS, lattice_sum, new_kernel, profile
 from pbd.fluid.solids import Solids
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity
+from pbd.fluid.wall_input import read_walls
 from pbd.fluid.walls import new_walls
 from pbd.state import Particles
 from pbd.stiffness import Compliance, Stiffness
-from pbd.vector import to_store
 
 REPULSION_DISTANCE = 0.2
 """Of h: where repulsion is k h^2; the paper has 0.1 to 0.3."""
@@ -38,6 +37,7 @@ def density(
     epsilon: float = 0.0,
     normal: Any = None,
     offset: Any = 0.0,
+    obstacles: Any = None,
     viscosity: float = 0.0,
     confinement: float = 0.0,
     repulsion: float = 0.0,
@@ -57,6 +57,8 @@ def density(
     omega : relaxation of the Jacobi iteration in (0, 2]
     epsilon : softens the constraints, >= 0, > 0 with an equality; a particle's own sum of squares is 1 to 2 in its unit
     normal, offset : walls n . y >= offset, (d,) or (m, d) and a number or (m,) [m], along the unit normal
+    obstacles : boxes (low, high) along the axes, by opposite corners (d,) [m], of edges >= h; those that touch a wall
+        go on behind it
     viscosity : c of XSPH in [0, 1]
     confinement : e of vorticity confinement, >= 0 [1/s]
     repulsion : k of s_corr, >= 0
@@ -86,7 +88,7 @@ def density(
     return Density(
         kernel=form,
         cells=new_cells(np.concatenate([chosen, hard]), d, h, d + (len(hard) > 0)),
-        walls=new_walls(_planes(normal, offset, d), form, spacing, d, n),
+        walls=new_walls(read_walls(normal, offset, obstacles, h, d), form, spacing, d, n),
         value=volume * form.value,
         slope=volume * form.slope,
         inverse_mass=w,
@@ -139,13 +141,6 @@ def _members(particles: Particles, members: Any, solids: np.ndarray) -> np.ndarr
     if len(w) and w.max() - w.min() > 1e-9 * w.max():
         raise InvalidInput("particles", f"masses from {1 / w.max():g} to {1 / w.min():g} kg", "of one mass in a fluid")
     return chosen
-
-
-def _planes(normal: Any, offset: Any, d: int) -> Planes:
-    if normal is None:
-        return Planes(to_store(np.zeros((0, d))), np.zeros(0))
-    normals = unit_vectors("normal", normal, (d,))
-    return Planes(to_store(normals), broadcast("offset", offset, (len(normals),)))
 
 
 def _law(law: Any) -> Any:

@@ -108,3 +108,26 @@ def test_no_members_is_no_fluid():
     particles = pbd.particles(X)
     fluid = pbd.density(particles, spacing=0.1, members=[])
     assert pbd.Simulation(particles, [fluid], settings=pbd.Settings()).run(2).status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("a box", "a list of boxes"),
+        ([1.0], "two opposite corners"),
+        ([([0.0, 0.0], [1.0, 1.0, 1.0])], "obstacles[0]"),
+        ([([0.0, 0.0], [1.0, 1.0]), ([0.0, 0.0], [1.0, 0.0])], "obstacles[1]"),
+        ([([0.0, 0.0], [1.0, np.nan])], "finite"),
+        ([([0.0, 0.0], [1.0, 0.2])], "edges >= 0.25 m"),
+        ([([0.0, -2.0], [1.0, -1.0])], "before all walls"),
+    ],
+)
+def test_obstacles(value, said):
+    assert said in refused(obstacles=value, normal=[0.0, 1.0], offset=-1.0)
+
+
+def test_a_step_on_the_floor_may_be_low():
+    fluid = pbd.density(
+        pbd.particles(X), spacing=0.1, obstacles=[([0.0, -1.0], [1.0, -0.9])], normal=[0.0, 1.0], offset=-1.0
+    )
+    assert fluid.walls.obstacles.start.tolist() == [0, 3]

@@ -76,7 +76,8 @@ def test_integral_over_planes(name, d):
 
 
 def wall_of(form, spacing, d, normals):
-    return new_walls(Planes(to_store(np.array(normals, dtype=float)), np.zeros(len(normals))), form, spacing, d, 1)
+    planes = Planes(to_store(np.array(normals, dtype=float)), np.zeros(len(normals)))
+    return new_walls((planes, None), form, spacing, d, 1)
 
 
 @CASES
