@@ -70,9 +70,10 @@ def matched_step(scene: Scene) -> float:
 # PBF and XPBD are as published; "from rest" takes the density at the start for that of rest, see `pbd.fluid.rest`
 PBF = Contender("PBF", OURS)
 FAST = Contender("PBF from rest, fast", OURS, "fast")
+REST = Contender("PBF from rest", OURS, settings={"rest": "start"})
 XPBD = Contender("XPBD fluid", OURS, settings={"method": "xpbd"})
 ACCURATE = Contender("PBF from rest, accurate", OURS, "accurate")
-WCSPH = Contender("WCSPH (symplectic Euler)", "symplectic_euler", settings={"dt": None})
+WCSPH = Contender("WCSPH", "symplectic_euler", settings={"dt": None})
 GRAINS = (
     Contender("pymunk discs (granular)", "pymunk", "matched", step=matched_step),
     Contender("pymunk discs, default", "pymunk", step=usual_step),

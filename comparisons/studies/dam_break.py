@@ -25,7 +25,7 @@ from comparisons.progress import Progress
 from comparisons.record import Record
 from comparisons.studies import _dam_break_words as words
 from comparisons.studies import _fluids
-from comparisons.studies._fluids import GRAINS, OURS, PBF, WCSPH, Contender
+from comparisons.studies._fluids import FAST, GRAINS, OURS, WCSPH, Contender
 from comparisons.studies.work_precision import front, sentence, winner
 from comparisons.study import Panel, Series, Study, head
 from comparisons.water import FRONTS, HEIGHTS, experiment, front_reference, ritter
@@ -46,7 +46,7 @@ GROWTH = 8.0
 """How much longer a run takes with twice as many particles across, at least with steps that shrink with them."""
 
 TARGETS = (1e-2,)
-FILMED = (PBF, WCSPH, GRAINS[0], GRAINS[2])
+FILMED = (FAST, WCSPH, GRAINS[0], GRAINS[2])
 METRICS = (
     ERROR, "front", "density_error", "density_peak", "volume_loss", "front_rms", "front_offset", "front_fitted_rms",
     "energy_rise",
@@ -195,7 +195,7 @@ def _shot(subject: Subject, one: Contender, times: np.ndarray) -> Film:
         subject.scene,
         subject.trajectory,
         engine=one.engine,
-        label=one.label,
+        label=one.label.partition(" (")[0],
         note="",
         times=np.round(times, 6).tolist(),
         clock="T = {:.1f}",

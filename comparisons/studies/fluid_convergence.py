@@ -2,7 +2,8 @@
 
 A line's error is the rms distance of its front, from T = 0.5 to 2, from that of its own finest point, which is not
 drawn. Particles are counted by the spacing, dx/a. What a line leaves out - the finest spacing's own error, which the
-gap between two methods' limits tells - is in the dam break's numerical reference.
+gap between two methods' limits tells - is in the dam break's numerical reference. Compression, whose limit is 0 with
+constraints, needs no finest point, and is smooth where a front is a single particle that jumps.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from typing import Any
 import numpy as np
 
 from comparisons import engine
-from comparisons.fit import Fit, fit_order
+from comparisons.fit import fit_order
 from comparisons.gather import PARALLEL
 from comparisons.isolation import Workers
 from comparisons.metrics import Subject, _water
 from comparisons.progress import Progress
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _fluids
-from comparisons.studies._fluids import PBF, WCSPH, XPBD, Contender
+from comparisons.studies._fluids import PBF, REST, WCSPH, XPBD, Contender
 from comparisons.study import Panel, Series, Study, head
 from pbd import fields
 
@@ -38,13 +39,14 @@ FROM = 0.5
 RESOLUTION = 20
 """Particles across where something else varies."""
 
-METHODS = (PBF, XPBD, WCSPH)
+METHODS = (PBF, REST, XPBD, WCSPH)
 AXES = {
     "across": "spacing dx/a",
     "courant": "time step, c = dt √(a g)/dx",
     "substeps": "sub-steps in each step",
     "iterations": "iterations in each step",
 }
+SQUEEZED, Y_SQUEEZED = "density_error", "mean compression"
 Y = "rms distance of the front from the finest [a]"
 
 
@@ -92,6 +94,7 @@ def run(
     _fluids.check(spec for line in lines for spec in line.specs)
     found = _gather(lines, workers, quiet)
     series = [s for line in lines for s in _series(line, found[line.one, line.axis])]
+    series += [s for line in lines if line.axis != "across" for s in _compressions(line, found[line.one, line.axis])]
     used = [axis for axis in AXES if any(s.panel == axis for s in series)]
     return Study(
         kind="fluid_convergence",
@@ -100,13 +103,21 @@ def run(
         scene=SCENE,
         parameters=PLACE,
         head=head(),
-        panels=[Panel(name=axis, title=f"against {axis}", x=AXES[axis], y=Y) for axis in used],
+        panels=_panels(used),
         series=series,
         records=[record for some in found.values() for record, _ in some],
         omissions=_fluids.lost(record for some in found.values() for record, _ in some),
-        sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.fit]
-        + [said for line in lines if (said := _compression(line, found[line.one, line.axis]))],
+        sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.fit],
     )
+
+
+def _panels(used: Sequence[str]) -> list[Panel]:
+    """Of the front over each axis, and of compression over all but the particles."""
+    squeezed = [axis for axis in used if axis != "across"]
+    return [Panel(name=axis, title=f"front against {axis}", x=AXES[axis], y=Y) for axis in used] + [
+        Panel(name=_squeezed(axis), title=f"compression against {axis}", x=AXES[axis], y=Y_SQUEEZED)
+        for axis in squeezed
+    ]
 
 
 def _has(one: Contender, axis: str) -> bool:
@@ -159,20 +170,25 @@ def _series(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> lis
     limit = kept[-1][1]
     xs = [x for x, _ in kept[:-1]]
     ys = [float(np.sqrt(np.mean((front - limit) ** 2))) for _, front in kept[:-1]]
+    return [_fitted(line, line.axis, xs, ys)]
+
+
+def _compressions(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> list[Series]:
+    """The same of the mean compression."""
+    kept = [(_place(line.axis, record), record.metric(SQUEEZED)) for record, front in runs if front is not None]
+    points = [(x, y) for x, y in kept if y > 0.0]
+    return [_fitted(line, _squeezed(line.axis), *zip(*points, strict=True))] if len(points) > 1 else []
+
+
+def _fitted(line: Line, panel: str, xs: Sequence[float], ys: Sequence[float]) -> Series:
     over = xs if line.axis in ("across", "courant") else [1.0 / x for x in xs]
-    fit: Fit = fit_order(over, ys)
-    one = line.one
-    return [Series(panel=line.axis, label=one.label, engine=one.engine, preset=one.preset, x=xs, y=ys, fit=fit)]
+    one, fit = line.one, fit_order(over, ys)
+    return Series(panel=panel, label=one.label, engine=one.engine, preset=one.preset, x=list(xs), y=list(ys), fit=fit)
+
+
+def _squeezed(axis: str) -> str:
+    return f"compression, {axis}"
 
 
 def _place(axis: str, record: Record) -> float:
     return 1.0 / record.parameters["across"] if axis == "across" else float(record.settings[axis])
-
-
-def _compression(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> str:
-    """Mean compression from the first to the last point."""
-    kept = [record for record, front in runs if front is not None]
-    if len(kept) < 2 or line.axis == "across":
-        return ""
-    ends = [f"{record.metric('density_error'):.1e} at {record.settings[line.axis]:g}" for record in (kept[0], kept[-1])]
-    return f"{line.one.label}, mean compression against {line.axis}: {ends[0]}, {ends[1]}."
