@@ -47,7 +47,7 @@ AXES = {
     "iterations": "iterations in each step",
 }
 SQUEEZED, Y_SQUEEZED = "density_error", "mean compression"
-Y = "rms distance of the front from the finest [a]"
+Y = "front, rms from the finest [a]"
 
 
 @dataclass(frozen=True)

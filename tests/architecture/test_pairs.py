@@ -24,7 +24,7 @@ SMALL = {"links": 2, "density": 16.0, "duration": 0.1, "samples": 10}
 
 FEW = {"hanging_cloth": {"size": 4}, "stack": {"count": 3}, "pile": {"count": 4}, "dominoes": {"count": 3}}
 FEW["falling_boxes"] = {"count": 4}
-FEW["dam_break"] = {"across": 4, "duration": 1.0, "samples": 5}
+FEW["dam_break"] = {"across": 4, "duration": 1.0, "samples": 4, "gravity": 12.5}
 FEW |= {name: {"across": 5} for name in ("hydrostatic_column", "falling_blob", "two_blobs")}
 FEW["floating_box"] = {"across": 8, "box": 2}
 """The same of single scenes."""
