@@ -21,6 +21,8 @@ check: $(VENV)/.tests-installed
 gallery: report
 	cp $(OUT)/figures/run-time-against-error-rigid-chains-as-called-from-python.png reports/gallery/work-precision.png
 	cp $(OUT)/figures/contacts-errors-against-closed-forms.png reports/gallery/contacts.png
+	cp $(OUT)/figures/dam-break.png reports/gallery/dam-break.png
+	cp $(OUT)/figures/dam-break-moments.png reports/gallery/dam-break-moments.png
 
 # The dam break's numerical reference, in comparisons/data.
 reference: $(VENV)/.installed
