@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,19 +37,18 @@ def grid(size, stretch=1.0):
     return positions, np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in ends])
 
 
-def cloth(size, stiffness, dt, *, pinned=True, stretch=1.0, gravity=GRAVITY, batches=1, **solver):
+def cloth(size, stiffness, dt, *, pinned=True, stretch=1.0, gravity=GRAVITY, **solver):
     """A simulation of it, masses 1 kg each, and its (masses, springs) for the reference."""
     positions, pairs = grid(size)
     rest = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
     fixed = (0, size - 1) if pinned else ()
     particles = pbd.particles(stretch * positions, pinned=list(fixed))
     law = pbd.Compliance(alpha=1.0 / stiffness)
-    parts = np.array_split(np.arange(len(pairs)), batches)
-    constraints = [pbd.distance(particles, pairs[part], rest_length=rest[part], law=law) for part in parts]
+    links = pbd.distance(particles, pairs, rest_length=rest, law=law)
     settings = pbd.Settings(dt=dt, solver=pbd.Implicit(**solver))
     masses = PointMasses(stretch * positions, np.zeros_like(positions), np.ones(len(positions)), fixed)
     springs = Springs(pairs, rest, np.full(len(pairs), 1.0 / stiffness))
-    return pbd.Simulation(particles, constraints, gravity=gravity, settings=settings), masses, springs
+    return pbd.Simulation(particles, [links], gravity=gravity, settings=settings), masses, springs
 
 
 def farthest(outcome, masses, springs, dt, steps):
@@ -63,24 +63,35 @@ def farthest(outcome, masses, springs, dt, steps):
     return max(found)
 
 
-@pytest.mark.parametrize("dimension", [1, 3])
-def test_one_spring_is_backward_euler(dimension):
+def hang_one_spring(dimension):
+    """In the plane it is two, side by side, in two batches."""
     dt, mass, stiffness, gravity = 0.02, 2.0, 500.0, np.zeros(dimension)
     gravity[0] = -9.81
     start = np.zeros((2, dimension))
     start[1, 0] = -1.3
     particles = pbd.particles(start, masses=mass, pinned=[0])
-    spring = pbd.distance(particles, [[1, 0]], rest_length=1.0, law=pbd.Compliance(alpha=1.0 / stiffness))
+    batches = 2 if dimension == 2 else 1
+    law = pbd.Compliance(alpha=batches / stiffness)
+    springs = [pbd.distance(particles, [[1, 0]], rest_length=1.0, law=law) for _ in range(batches)]
     settings = pbd.Settings(dt=dt, solver=pbd.Implicit())
-    outcome = pbd.Simulation(particles, [spring], gravity=gravity, settings=settings).run(50)
+    outcome = pbd.Simulation(particles, springs, gravity=gravity, settings=settings).run(50)
     x, v = 0.3, 0.0  # of the stretch, downwards
     for n in range(1, 51):
         v = (v + dt * (9.81 - stiffness / mass * x)) / (1.0 + dt**2 * stiffness / mass)
         x += dt * v
         assert outcome.positions[n, 1, 0] == pytest.approx(-1.0 - x, abs=1e-12)
     assert outcome.unconverged == 0
-    force = outcome.scene.batches[0].law.multiplier[0] / dt**2
-    assert force == pytest.approx(-stiffness * x, abs=1e-8)
+    forces = [batch.law.multiplier[0] / dt**2 for batch in outcome.scene.batches]
+    assert forces == pytest.approx([-stiffness * x / batches] * batches, abs=1e-8)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_one_spring_is_backward_euler(dimension):
+    hang_one_spring(dimension)
+
+
+def test_so_it_is_in_1d():
+    in_plain_python("test_implicit.hang_one_spring(1)")
 
 
 @pytest.mark.parametrize("period", [0, 5])
@@ -108,11 +119,9 @@ def test_xpbd_stalls_where_implicit_does_not():
     assert np.linalg.norm(xpbd - y) > 1e-3 * np.linalg.norm(y - predicted)
 
 
-def test_batches_and_irregular_order_change_nothing():
+def test_irregular_order_changes_nothing():
     one, masses, _ = cloth(10, 1e4, 1 / 60)
-    two, _, _ = cloth(10, 1e4, 1 / 60, batches=2)
     first = one.run(10)
-    assert np.abs(first.positions - two.run(10).positions).max() < 1e-9
     rng = np.random.default_rng(0)
     positions, pairs = grid(10)
     rest = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
@@ -180,14 +189,6 @@ def test_the_energy_never_rises(dt):
     assert np.diff(energy).max() <= 1e-9 * np.ptp(energy)
 
 
-def test_nothing_to_hold_is_free_fall():
-    particles = pbd.particles(np.zeros((3, 2)))
-    settings = pbd.Settings(dt=0.1, solver=pbd.Implicit())
-    outcome = pbd.Simulation(particles, gravity=(0.0, -10.0), settings=settings).run(2)
-    assert outcome.unconverged == 0
-    assert outcome.positions[2, 0, 1] == pytest.approx(-0.3)
-
-
 def refused(law=None, extra=None, **settings):
     particles = PAIR
     links = [pbd.distance(particles, [[0, 1]], law=law or pbd.Compliance(alpha=1e-3)), *(extra or [])]
@@ -214,26 +215,51 @@ def test_fields_are_checked(field):
         pbd.Implicit(**{field: -1})
 
 
+def in_plain_python(code):
+    """What a program prints, with this module, that is not compiled."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    head = "import sys, numba, numpy as np, pbd; sys.path.insert(0, sys.argv[1]); import test_implicit"
+    program = f"{head}\nassert numba.config.DISABLE_JIT\n{code}"
+    command = [sys.executable, "-c", program, str(Path(__file__).parent)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 PLAIN = """
-import numba, pbd
-assert numba.config.DISABLE_JIT
 for period in (0, 3):
-    particles = pbd.particles([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.1, 0.0]], pinned=[0])
-    springs = pbd.distance(particles, [[1, 0], [1, 2]], law=pbd.Compliance(alpha=1e-3))
-    settings = pbd.Settings(dt=0.02, solver=pbd.Implicit(period=period))
-    outcome = pbd.Simulation(particles, [springs], gravity=(0.0, -9.81, 0.0), settings=settings).run(3)
-    assert outcome.unconverged == 0
-    print(*outcome.positions[-1].ravel().tolist())
+    for batches in ([[[1, 0], [1, 2]]], [[[1, 0]], [[1, 2]]]):
+        particles = pbd.particles([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.1, 0.0]], pinned=[0])
+        springs = [pbd.distance(particles, pairs, law=pbd.Compliance(alpha=1e-3)) for pairs in batches]
+        settings = pbd.Settings(dt=0.02, solver=pbd.Implicit(period=period))
+        outcome = pbd.Simulation(particles, springs, gravity=(0.0, -9.81, 0.0), settings=settings).run(3)
+        assert outcome.unconverged == 0
+        print(*outcome.positions[-1].ravel().tolist())
 """
 
 
 def test_plain_python_gives_the_numbers_of_the_kernel():
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run([sys.executable, "-c", PLAIN], env=environment, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    """With its springs in one batch, and in two."""
     particles = pbd.particles([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.1, 0.0]], pinned=[0])
     springs = pbd.distance(particles, [[1, 0], [1, 2]], law=pbd.Compliance(alpha=1e-3))
     settings = pbd.Settings(dt=0.02, solver=pbd.Implicit())
     outcome = pbd.Simulation(particles, [springs], gravity=(0.0, -9.81, 0.0), settings=settings).run(3)
-    for line in done.stdout.splitlines():
+    lines = in_plain_python(PLAIN).splitlines()
+    assert len(lines) == 4
+    for line in lines:
         assert np.array(line.split(), dtype=float) == pytest.approx(outcome.positions[-1].ravel(), abs=1e-10)
+
+
+NOTHING = """
+particles = pbd.particles(np.zeros((3, 2)))
+settings = pbd.Settings(dt=0.1, solver=pbd.Implicit())
+outcome = pbd.Simulation(particles, gravity=(0.0, -10.0), settings=settings).run(2)
+print(outcome.unconverged, outcome.positions[2, 0, 1])
+"""
+
+
+def test_nothing_to_hold_is_free_fall():
+    """As plain Python: the list of batches of every kernel ends in an empty one."""
+    unconverged, height = in_plain_python(NOTHING).split()
+    assert unconverged == "0"
+    assert float(height) == pytest.approx(-0.3)

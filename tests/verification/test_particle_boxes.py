@@ -42,8 +42,8 @@ def in_plane(dimension, x, y):
     return np.array([x, y, 0.0][:dimension])
 
 
-def scene(bodies, *, gravity=None, floor=True, friction=0.0, restitution=0.0, duration=1.0, samples=10):
-    """Bodies over the floor y = 0 under gravity along -y, unless told otherwise."""
+def scene(bodies, *, gravity=None, floor=0.0, friction=0.0, restitution=0.0, duration=1.0, samples=10):
+    """Bodies over a floor at that height, or none, under gravity along -y."""
     d = bodies.positions.shape[1]
     return Scene(
         "test",
@@ -55,7 +55,7 @@ def scene(bodies, *, gravity=None, floor=True, friction=0.0, restitution=0.0, du
         samples,
         (),
         bodies=bodies,
-        planes=Planes(up(d)[None], np.zeros(1)) if floor else None,
+        planes=None if floor is None else Planes(up(d)[None], np.full(1, floor)),
         friction=friction,
         restitution=restitution,
     )
@@ -138,7 +138,7 @@ def test_an_angle_goes_on_over_many_turns_between_samples():
 @METHODS
 def test_free_fall_is_that_of_symplectic_euler(dimension, method):
     """g t (t + h) / 2: what holds the box together does not disturb its fall."""
-    described = scene(one_box(dimension, 0.0), floor=False)
+    described = scene(one_box(dimension, 0.0), floor=None)
     trajectory = ran(described, dt=0.01, method=method, iterations=3)
     t = trajectory.times
     np.testing.assert_allclose(trajectory.positions[:, 0, 1], -0.5 * G * t * (t + 0.01), atol=1e-12)
@@ -151,7 +151,7 @@ def test_a_box_spins_by_the_law_of_the_projection(dimension):
     """Each step turns by atan(sin a / (2 - cos a)) after one by a: the numerical damping of v = (p - x)/h."""
     h, omega = 0.01, 5.0
     spins = np.array([omega]) if dimension == 2 else np.array([[0.0, 0.0, omega]])
-    described = scene(one_box(dimension, 0.0, spins=spins), floor=False, gravity=np.zeros(dimension), samples=100)
+    described = scene(one_box(dimension, 0.0, spins=spins), floor=None, gravity=np.zeros(dimension), samples=100)
     trajectory = ran(described, dt=h)
     turns = [math.atan(omega * h)]
     for _ in range(99):
@@ -386,13 +386,16 @@ def test_planks_that_cross_carry_each_other():
 
 
 def test_an_edge_falls_on_an_edge():
-    """In 3D: two boxes that lie on their edges, crosswise, meet where the edges cross, at the time of free fall."""
+    """In 3D: two boxes that lie on their edges, crosswise, far above the floor, meet where the edges cross.
+
+    They do so at the time of free fall.
+    """
     turned = math.sqrt(0.5)
     corner = [math.cos(math.pi / 8.0), 0.0, 0.0, math.sin(math.pi / 8.0)]
     across = [math.cos(math.pi / 8.0), math.sin(math.pi / 8.0), 0.0, 0.0]
     positions = np.array([[0.0, 0.0, 0.0], [0.1, 2.0 * turned + 0.2, -0.05]])
     bodies = at_rest((Box((1.0,) * 3),) * 2, np.ones(2), positions, orientations=np.array([corner, across]), fixed=(0,))
-    trajectory = ran(scene(bodies, floor=False, restitution=1.0, duration=0.3, samples=300), iterations=300)
+    trajectory = ran(scene(bodies, floor=-10.0, restitution=1.0, duration=0.3, samples=300), iterations=300)
     upward = trajectory.velocities[:, 1, 1]
     landed = int(np.argmax(np.diff(upward) > 0.1))
     assert trajectory.times[landed] == pytest.approx(math.sqrt(2.0 * 0.2 / G), abs=2e-3)

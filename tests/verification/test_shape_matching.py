@@ -199,7 +199,7 @@ def spun(dimension, omega, h, steps):
     velocities[:, 0], velocities[:, 1] = -omega * corners[:, 1], omega * corners[:, 0]
     particles = pbd.particles(corners, velocities=velocities)
     batch = pbd.shape_matching(particles, [range(4)])
-    out = pbd.Simulation(particles, [batch], settings=pbd.Settings(dt=h)).run(steps)
+    out = pbd.Simulation(particles, [batch], gravity=np.zeros(dimension), settings=pbd.Settings(dt=h)).run(steps)
     edge = out.positions[:, 1] - out.positions[:, 0] + out.positions[:, 3] - out.positions[:, 2]
     return np.unwrap(np.arctan2(edge[:, 1], edge[:, 0]))
 
@@ -224,7 +224,8 @@ def test_a_soft_shape_keeps_momentum_in_free_flight():
     v = rng.normal(size=x.shape)
     particles = pbd.particles(x, masses=masses, velocities=v)
     batch = pbd.shape_matching(particles, [range(6)], rest=rest, law=pbd.Stiffness(0.2))
-    out = pbd.Simulation(particles, [batch], settings=pbd.Settings(dt=0.01, iterations=4)).run(200)
+    settings = pbd.Settings(dt=0.01, iterations=4)
+    out = pbd.Simulation(particles, [batch], gravity=np.zeros(3), settings=settings).run(200)
     momenta = np.einsum("n,snd->sd", masses, out.velocities)
     assert np.ptp(np.sum(out.velocities**2, axis=(1, 2))) > 1.0, "the shape does pull"
     np.testing.assert_allclose(momenta, np.tile(masses @ v, (201, 1)), atol=1e-10)
@@ -272,4 +273,4 @@ def test_a_batch_of_no_shapes_is_dropped():
     assert batch.size() == 0
     assert [axis.shape for axis in batch.rest] == [(0,)] * 3
     assert to_store(np.zeros((0, 3)))[0].shape == (0,)
-    assert pbd.Simulation(particles, [batch]).run(1).projections == 0
+    assert pbd.Simulation(particles, [batch], gravity=np.zeros(3)).run(1).projections == 0

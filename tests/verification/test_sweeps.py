@@ -57,10 +57,10 @@ def run(particles, batches, order, steps=5, iterations=7, precision="float64", d
 # ------------------------------------------------------------------ wavefront
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("dimension", [1, 2, 3])
+@pytest.mark.parametrize(("dimension", "law"), [(1, LAWS[1]), *((2, law) for law in LAWS), (3, LAWS[3])])
 @pytest.mark.parametrize(("links", "iterations"), [(1, 1), (1, 5), (2, 3), (3, 20), (50, 1), (50, 16), (300, 40)])
 def test_wavefront_is_natural_order_to_the_last_bit(links, iterations, dimension, law):
+    """A law knows no dimension, so that not all of them need be seen in each."""
     particles, pairs = chain(links, dimension)
     batch = pbd.distance(particles, pairs, rest_length=1.0, law=law)
     gravity = None if dimension == 1 else -G * np.eye(dimension)[1]
@@ -128,7 +128,7 @@ def test_the_outcome_is_in_the_users_order_and_momentum_is_kept(law):
     particles = pbd.particles(x, masses=masses, velocities=v)
     batch = pbd.distance(particles, pairs, law=law)
     settings_ = pbd.Settings(dt=1e-3, iterations=3, solver=pbd.GaussSeidel("coloured"))
-    out = pbd.Simulation(particles, [batch], settings=settings_).run(10)
+    out = pbd.Simulation(particles, [batch], gravity=np.zeros(3), settings=settings_).run(10)
     np.testing.assert_array_equal(out.positions[0], x)
     lost = np.abs(masses @ (out.velocities[-1] - v)).max()
     assert lost < 1e-12 * np.sum(masses * np.linalg.norm(v, axis=1))
