@@ -10,7 +10,7 @@ report: $(VENV)/.installed
 	$(BIN)/pbdbench report -o $(OUT)
 
 test: check
-	$(BIN)/pytest -n auto --dist worksteal
+	$(BIN)/pytest -n auto --dist loadfile
 
 check: $(VENV)/.tests-installed
 	$(BIN)/ruff check .

@@ -42,7 +42,7 @@ def test_lattice_about_a_box_has_rest_density(d, count, low, high):
     x = x[~np.all((x > low * S) & (x < high * S), axis=1)]
     density = pbd.densities(pbd.density(pbd.particles(x), spacing=S, obstacles=cube(d, low * S, high * S)), x)
     bulk = np.all((x > H) & (x < count * S - H), axis=1)
-    assert density[bulk] == pytest.approx(1.0, abs=3e-3)
+    assert density[bulk] == pytest.approx(1.0, abs=5e-3)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -89,7 +89,7 @@ def test_what_is_inside_counts_as_on_the_nearest_face():
     on, within = (beside_walls(walls, (t, 3.0 * S)) for t in (0.0, 0.4 * S))
     assert within[0] == pytest.approx(on[0])
     assert within[1] == pytest.approx(on[1])
-    assert on[0] == pytest.approx(0.5, abs=5e-3)
+    assert on[0] == pytest.approx(0.5, abs=1e-2), "as far as rows, smeared, are a lattice"
 
 
 def test_dam_break_against_a_box():
