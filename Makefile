@@ -10,7 +10,7 @@ report: $(VENV)/.installed
 	$(BIN)/pbdbench report -o $(OUT)
 
 test: check
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.tests-installed
 	$(BIN)/ruff check .
@@ -36,6 +36,7 @@ bench: $(VENV)/.tests-installed
 	$(BIN)/python tests/benchmarks/second_order.py
 	$(BIN)/python tests/benchmarks/collisions.py
 	$(BIN)/python tests/benchmarks/fluid.py
+	$(BIN)/python tests/benchmarks/splishsplash.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and f"Python >= 3.11 is needed, this is {v[0]}.{v[1]}; set PYTHON=python3.11")'

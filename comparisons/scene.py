@@ -90,10 +90,10 @@ class Scene:
     duration [s], samples : recorded at 0 and at ``samples`` equally spaced times up to ``duration``
     metrics : names of the metrics that make sense, the default of a run
     bodies, planes : rigid bodies and the half-spaces they fall on; a scene has either point masses or bodies
-    fluid : what makes a fluid of the point masses; ``planes`` are its walls
     friction, restitution : Coulomb's and Newton's coefficient of every contact
     exact : the motion in closed form at given times [s], where there is one
     known : name -> closed-form value that a metric of the same name compares with
+    fluid : what makes a fluid of the point masses; ``planes`` are its walls
     """
 
     name: str
@@ -106,11 +106,11 @@ class Scene:
     metrics: tuple[str, ...]
     bodies: Bodies | None = None
     planes: Planes | None = None
-    fluid: Fluid | None = None
     friction: float = 0.0
     restitution: float = 0.0
     exact: Callable[[np.ndarray], Trajectory] | None = None
     known: Mapping[str, Any] = field(default_factory=dict)
+    fluid: Fluid | None = None
 
     @property
     def times(self) -> np.ndarray:

@@ -84,9 +84,8 @@ def version() -> str:
 def unsupported(scene: Scene, settings: Settings) -> str:
     """Raises `InvalidInput` for numbers that describe no particles."""
     check_scene(scene)
-    if scene.fluid is None:
-        return "" if len(scene.masses.masses) == 0 else "the scene has no fluid, and the engine moves nothing else"
-    return ""
+    is_empty = len(scene.masses.masses) == 0 and scene.bodies is None
+    return "" if scene.fluid is not None or is_empty else "the scene has no fluid, and the engine moves nothing else"
 
 
 def sweep(scene: Scene) -> list[dict[str, Any]]:

@@ -182,7 +182,7 @@ CASES = {
     "stiffness dt NaN": (study("stiffness", "dt=nan"), ["nan", "finite"]),
     "stiffness dt tiny": (study("stiffness", "dt=1e-300"), ["1e-300", ">= 1e-12"]),
     "stiffness iterations": (study("stiffness", "iterations=1,0"), ["pbd.iterations = 0", ">= 1"]),
-    "stiffness engine": (study("stiffness", engines="pdb"), ["engine = 'pdb'", "did you mean 'pbd'?"]),
+    "stiffness engine": (study("stiffness", engines="pbdd"), ["engine = 'pbdd'", "did you mean 'pbd'?"]),
     "stiffness settings": (study("stiffness", "pbd.k=0.5"), ["settings = ['pbd']", "absent"]),
 }
 
