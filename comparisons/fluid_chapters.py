@@ -19,7 +19,7 @@ def collapse(how: dict[str, Any]) -> Chapter:
             "each line from coarse to fine particles. All inviscid fronts lead the measured ones by one shift in "
             "time. Discs and balls are grains: with them people imitate water in engines of rigid bodies."
         ),
-        studies=[dam_break.run(across=(10, 20, 40), cap=6.0, rounds=ROUNDS, **how)],
+        studies=[dam_break.run(across=(10, 20, 40), cap=5.0, rounds=ROUNDS, **how)],
     )
 
 

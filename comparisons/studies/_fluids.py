@@ -85,16 +85,17 @@ ENGINES = tuple(dict.fromkeys(one.engine for one in CONTENDERS))
 
 
 def chosen(
-    names: Sequence[str] | None, settings: Mapping[str, Any] | None, of: Iterable[Contender] = CONTENDERS
+    names: Sequence[str] | None, settings: Mapping[str, Any] | None, of: Sequence[Contender] = CONTENDERS
 ) -> list[Contender]:
-    """Who takes part, of all of ENGINES by default; such a study sets their settings itself."""
+    """Who takes part of those given, all by default; such a study sets their settings itself."""
+    possible = list(dict.fromkeys(one.engine for one in of))
     if settings:
         raise InvalidInput("settings", sorted(settings), "absent: this study sets them itself", "use run")
     for name in names or ():
         engine.load(name)
-        if name not in ENGINES:
-            raise InvalidInput("engines", name, "of " + ", ".join(ENGINES), "others move no fluids")
-    return [one for one in of if one.engine in (names or ENGINES)]
+        if name not in possible:
+            raise InvalidInput("engines", name, "of " + ", ".join(possible), "others have no place in this study")
+    return [one for one in of if one.engine in (names or possible)]
 
 
 def check(specs: Iterable[RunSpec]) -> None:
