@@ -16,6 +16,7 @@ and were not tried.
 from __future__ import annotations
 
 import argparse
+import itertools
 import dataclasses
 import math
 import os
