@@ -16,8 +16,8 @@ and were not tried.
 from __future__ import annotations
 
 import argparse
-import itertools
 import dataclasses
+import itertools
 import math
 import os
 import time
