@@ -70,7 +70,12 @@ PRESETS: dict[str, dict[str, Any]] = {
     "fast": {"rest": "start", "precision": "float32"},
     "accurate": {"rest": "start", "courant": 0.04, "iterations": 2, "omega": 0.5},
 }
-SWEEP: list[dict[str, Any]] = [{}, {"method": "xpbd"}, {"iterations": 1, "omega": 0.25}, {"iterations": 10}]
+SWEEP: list[dict[str, Any]] = [
+    {},
+    {"method": "xpbd", "omega": 0.7},
+    {"iterations": 1, "omega": 0.25},
+    {"iterations": 10},
+]
 
 
 def missing() -> str:

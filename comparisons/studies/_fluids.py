@@ -67,11 +67,12 @@ def matched_step(scene: Scene) -> float:
     return GRAIN_COURANT * scene.fluid.spacing / scene.fluid.speed
 
 
-# PBF and XPBD are as published; "from rest" takes the density at the start for that of rest, see `pbd.fluid.rest`
+# PBF and XPBD are as published; "from rest" takes the density at the start for that of rest, see `pbd.fluid.rest`;
+# with more relaxation XPBD diverges, see `pbd.fluid.density`
 PBF = Contender("PBF", OURS)
 FAST = Contender("PBF from rest, fast", OURS, "fast")
 REST = Contender("PBF from rest", OURS, settings={"rest": "start"})
-XPBD = Contender("XPBD fluid", OURS, settings={"method": "xpbd"})
+XPBD = Contender("XPBD fluid", OURS, settings={"method": "xpbd", "omega": 0.7})
 ACCURATE = Contender("PBF from rest, accurate", OURS, "accurate")
 WCSPH = Contender("WCSPH", "symplectic_euler", settings={"dt": None})
 GRAINS = (

@@ -19,7 +19,8 @@ Particles of solids may count in the sums, see `pbd.fluid.solids`.
 Limits: all particles of the fluid have the same mass. A pass multiplies a ripple of C in a lattice by 1 - omega g with
 g up to 2.5 in 2D at h = 2.5 s, 2.6 in 3D at 2 s, 3.8 at 2.5 s: with omega > 2/g the worst ripple grows until C <= 0
 cuts it off. Four iterations of omega = 1 are then still the most accurate in 2D; a single one a step injects energy
-until it explodes, whatever the step, where omega = .25 to .5, or eps of order 1, does not.
+until it explodes, whatever the step, where omega = .25 to .5, or eps of order 1, does not. XPBD's multipliers, also
+without compliance, may take back what they have pushed, so nothing cuts a ripple off: it needs omega < 2/g.
 """
 
 from __future__ import annotations
