@@ -24,7 +24,8 @@ S = 0.05
 """[m] Spacing."""
 
 DIMENSIONS = pytest.mark.parametrize("d", [2, 3])
-KINDS = pytest.mark.parametrize("name", ["wendland", "poly6_spiky"])
+TERMS = {"viscosity": 0.1, "repulsion": 0.01, "omega": 0.5, "epsilon": 1.0}
+KINDS = pytest.mark.parametrize(("d", "name"), [(2, "wendland"), (2, "poly6_spiky"), (3, "wendland")])
 
 
 def block(counts, spacing=S, origin=0.0):
@@ -94,7 +95,6 @@ def brute(x, name="wendland", support=2.5):
 # ------------------------------------------------------------------ sums
 
 
-@DIMENSIONS
 @KINDS
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=20, deadline=None)
@@ -109,7 +109,6 @@ def test_sums_against_all_pairs(d, name, seed):
     assert multiplier == pytest.approx(-np.maximum(expected - 1.0, 0.0) / weight, rel=1e-10, abs=1e-18)
 
 
-@DIMENSIONS
 @KINDS
 def test_one_pass_against_all_pairs(d, name):
     x = cloud(np.random.default_rng(5), d)
@@ -161,8 +160,7 @@ def run(x, fluid_arguments, steps=50, v=0.0, gravity=None, samples=None, members
     return simulation.run(steps, samples)
 
 
-@DIMENSIONS
-@pytest.mark.parametrize("terms", [{}, {"viscosity": 0.1, "repulsion": 0.01, "omega": 0.5, "epsilon": 1.0}])
+@pytest.mark.parametrize(("d", "terms"), [(2, {}), (3, {}), (2, TERMS)])
 def test_linear_momentum_of_two_blobs(d, terms):
     """They meet at 1 m/s: the sum of all velocities stays, to 1e-12 of the sum of their sizes."""
     left = block((8,) * d) + np.random.default_rng(7).uniform(-0.2, 0.2, (8**d, d)) * S

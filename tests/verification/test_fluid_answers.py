@@ -89,7 +89,7 @@ def test_a_compliant_column_is_compressed_as_its_compliance_says():
     parameters, found = {"across": 12, "duration": 4.0}, []
     for omega in (0.5, 1.0):
         subject = subject_of(
-            "hydrostatic_column", parameters, method="xpbd", compliance=alpha, iterations=8, omega=omega, viscosity=0.2
+            "hydrostatic_column", parameters, method="xpbd", compliance=alpha, iterations=8, omega=omega
         )
         start = subject.trajectory.positions[0]
         inside = start[:, 1] < 0.7
