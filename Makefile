@@ -1,15 +1,18 @@
-# make report: install and write the report.  make test: install and run all checks.
+# make report: install and write the report.  make test: install and check.  make test-all: slow tests too.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= build/report
 
-.PHONY: report test check gallery reference bench clean
+.PHONY: report test test-all check gallery reference bench clean
 
 report: $(VENV)/.installed
 	$(BIN)/pbdbench report -o $(OUT)
 
 test: check
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow"
+
+test-all: check
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.tests-installed

@@ -13,6 +13,8 @@ import sys
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 RUN = """
 import json, sys, numba, numpy as np, pbd
 

@@ -13,6 +13,8 @@ from comparisons.bodies import Ball, Box
 from comparisons.engines import _granular
 from comparisons.run import build_scene
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 ENGINES = ("pymunk", "pybullet")
 

@@ -13,6 +13,8 @@ from pbd.fluid.wall_input import read_walls
 from pbd.fluid.walls import beside_walls, hold_back, new_walls
 from pbd.vector import from_store, to_store
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 S = 0.05
 """[m] Spacing."""

@@ -14,6 +14,8 @@ from pbd.projection import begin, project
 from pbd.state import State
 from pbd.vector import from_store
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 S = 0.05
 """[m] Spacing."""

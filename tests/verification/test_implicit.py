@@ -14,6 +14,8 @@ import pbd
 from comparisons.minimiser import implicit_euler_step
 from comparisons.scene import PointMasses, Springs
 
+pytestmark = pytest.mark.slow
+
 GRAVITY = np.array([0.0, -9.81, 0.0])
 ROUND_OFF = 1e-15
 """[m] Of the norm of some hundred coordinates of about 1 m. The first small steps from a flat start move by 1e-9 m."""

@@ -20,6 +20,8 @@ from pbd.rigid.joint_kinds import SharedPoint
 from pbd.rigid.pairs import WAIT
 from pbd.state import SIGNALS, WORK, State
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 EXACT = pbd.ConjugateSweeps(velocity_iterations=200, tolerance=1e-13)
 LEVELS = (0.01, 0.005, 0.0025, 0.00125, 0.000625)

@@ -12,6 +12,8 @@ import pbd
 from comparisons.exact_projection import project_links
 from comparisons.scene import PointMasses
 
+pytestmark = pytest.mark.slow
+
 GOAL = 1e-3
 """Root mean square of |C| / rest length."""
 

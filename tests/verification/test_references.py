@@ -15,6 +15,8 @@ from comparisons.metrics import Subject
 from comparisons.record import RunSpec
 from comparisons.run import build_scene, execute
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 
 
