@@ -10,6 +10,8 @@ from comparisons.studies._box_depth import sunk, truss
 from comparisons.study import from_json
 from pbd.errors import InvalidInput
 
+pytestmark = pytest.mark.slow
+
 COUNTS, RATIOS = (1, 5, 20), (1.0, 100.0)
 
 

@@ -16,6 +16,8 @@ import pbd
 from pbd.stages import evaluate
 from pbd.vector import to_store
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 
 

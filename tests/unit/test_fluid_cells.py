@@ -17,6 +17,8 @@ from pbd.fluid.cells import cut, new_cells, sort, sorted_array
 from pbd.jit import kernel
 from pbd.vector import to_store
 
+pytestmark = pytest.mark.slow
+
 H = 0.1
 DIMENSIONS = pytest.mark.parametrize("d", [2, 3])
 

@@ -9,6 +9,8 @@ from comparisons.run import execute
 from comparisons.studies import implicit_euler
 from pbd.errors import InvalidInput
 
+pytestmark = pytest.mark.slow
+
 CLOTH = {"size": 5, "density": 25.0}
 
 

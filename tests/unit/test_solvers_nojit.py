@@ -10,6 +10,8 @@ import sys
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 RUN = """
 import json, sys, numpy as np, pbd
 out = []

@@ -15,6 +15,8 @@ from comparisons.record import RunSpec
 from comparisons.scene import PointMasses, Rods, Springs
 from pbd.errors import InvalidInput
 
+pytestmark = pytest.mark.slow
+
 adapter = engine.load("pypbd")
 if adapter.missing():
     pytest.skip(f"pyPBD is absent: {adapter.missing()}", allow_module_level=True)

@@ -7,6 +7,8 @@ import pytest
 
 import pbd
 
+pytestmark = pytest.mark.slow
+
 
 def overstretched(links, stretch=1.1, dimension=2, **changes):
     x = np.zeros((links + 1, dimension))

@@ -15,6 +15,8 @@ from comparisons.reference import NoReference
 from comparisons.run import build_scene
 from comparisons.scene import PointMasses
 
+pytestmark = pytest.mark.slow
+
 
 def cloth(**parameters):
     return build_scene("hanging_cloth", {"stretch": 1.1, **parameters})

@@ -19,6 +19,8 @@ from pbd.state import State
 from pbd.team import together
 from pbd.vector import from_store
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 S = 0.05
 """[m] Spacing."""

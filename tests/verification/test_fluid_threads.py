@@ -14,6 +14,8 @@ from pbd.intrinsics import add_shared, read_shared, replace_shared, write_shared
 from pbd.jit import config, kernel
 from pbd.team import FINISHED, PASS, TASK, TICKET, helpers
 
+pytestmark = pytest.mark.slow
+
 S = 0.05
 """[m] Spacing."""
 

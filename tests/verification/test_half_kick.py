@@ -10,6 +10,8 @@ import pytest
 import pbd
 from pbd.arrangement import Problem
 
+pytestmark = pytest.mark.slow
+
 GRAVITY = np.array([0.0, -9.81])
 S = 0.05
 """[m] Spacing."""

@@ -28,6 +28,8 @@ from pbd.projection import begin, project
 from pbd.state import State
 from pbd.vector import from_store, to_store
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 EPS = 1e-13
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])

@@ -10,6 +10,8 @@ import pytest
 import pbd
 from pbd.projection import AtLeast, AtMost, Compliant, DampedCompliant, Equality, Hard, Scaled
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 H = 0.01
 ALPHA, BETA, K = 2e-4, 30.0, 0.4

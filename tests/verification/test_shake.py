@@ -10,6 +10,8 @@ from comparisons import reference
 from comparisons.fit import fit_order
 from comparisons.run import build_scene
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 LADDERS = {
     (1, 2): [1e-2 / 2**k for k in range(5)],

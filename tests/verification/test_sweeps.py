@@ -12,6 +12,8 @@ from pbd.arrangement import Problem
 from pbd.roots import inverse_root
 from pbd.solvers import runs
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 LAWS = [pbd.Stiffness(), pbd.Stiffness(0.3), pbd.Stiffness(relation="at_most"), pbd.Compliance(1e-4)]
 

@@ -12,6 +12,8 @@ from comparisons.run import build_scene, classify
 from pbd.errors import InvalidInput
 from pbd.vector import from_store, to_store, zeros
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 
 
