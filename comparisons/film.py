@@ -46,10 +46,10 @@ def film(scene: Scene, trajectory: Trajectory, **named: Any) -> Film:
     Raises `InvalidInput` for a scene in space or one of point masses.
     """
     planes, angles = scene.planes, trajectory.orientations
-    if len(scene.gravity) != 2 or (scene.bodies is None and scene.fluid is None):
-        raise InvalidInput("scene", scene.name, "a planar scene of bodies or a fluid", "set scene.dimension to 2")
-    if angles is None:
+    if scene.fluid is not None:
         angles = np.zeros(trajectory.positions.shape[:2])
+    if angles is None or len(scene.gravity) != 2 or (scene.bodies is None and scene.fluid is None):
+        raise InvalidInput("scene", scene.name, "a planar scene of bodies or a fluid", "set scene.dimension to 2")
     walls = [] if planes is None else np.column_stack([planes.normals, planes.offsets]).tolist()
     poses = np.concatenate([trajectory.positions, angles[..., None]], axis=2)
     return Film(

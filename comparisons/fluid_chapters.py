@@ -60,7 +60,10 @@ def cost(how: dict[str, Any]) -> Chapter:
     """A particle's step."""
     return Chapter(
         heading="What a fluid's step costs",
-        caption="Time of one step of one particle. Flat: a million particles cost little more each than a thousand.",
+        caption=(
+            "Time of one step of one particle, which hardly depends on how many there are; a second thread pays from "
+            "some thousand on."
+        ),
         studies=[fluid_throughput.run(across=(10, 30, 100), solids=(12, 24), cap=4.0, rounds=ROUNDS, **how)],
     )
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -19,6 +20,7 @@ from comparisons.progress import Progress
 from comparisons.record import Record, RunSpec, Seconds, plain
 from comparisons.run import bind, build_scene, execute
 from comparisons.study import Omission
+from comparisons.trajectory import Trajectory
 from pbd.errors import InvalidInput, unknown
 
 PARALLEL = 2
@@ -27,6 +29,8 @@ FLOOR_GAIN = 0.8
 """Two refinements in a row that left more than this share of the error have met a floor."""
 
 MAX_LEVELS = 16
+
+Result = TypeVar("Result")
 
 Ladder = Callable[[list[Record]], RunSpec | None]
 """Gives the next spec from the records so far, or None at its end."""
@@ -50,6 +54,40 @@ def asked(
     return plain(scene or {}), names, changes
 
 
+def check(specs: Iterable[RunSpec]) -> None:
+    """Refuse bad input before anything runs."""
+    for spec in specs:
+        bind(spec)
+
+
+def by_engine(title: str, jobs: Sequence[tuple[str, Callable[[], Result]]], *, quiet: bool) -> list[Result]:
+    """What each job of an engine gives, in the given order; the engines run beside each other."""
+    done: dict[int, Result] = {}
+    with Progress(title, len(jobs), quiet=quiet) as progress:
+
+        def work(name: str) -> None:
+            for k, (owner, job) in enumerate(jobs):
+                if owner == name:
+                    done[k] = job()
+                    progress.advance()
+
+        with ThreadPoolExecutor(PARALLEL) as pool:
+            list(pool.map(work, dict.fromkeys(owner for owner, _ in jobs)))
+    return [done[k] for k in range(len(jobs))]
+
+
+def with_motion(workers: Workers, spec: RunSpec, known: Trajectory | None = None) -> tuple[Record, Trajectory | None]:
+    """A run's record and, where it has one, its motion; a ``known`` motion is measured only."""
+    kept = [] if known is None else [known]
+
+    def runner(asked: RunSpec) -> Trajectory:
+        if not kept:
+            kept.append(workers[asked.engine].run(asked))
+        return kept[0]
+
+    return execute(spec, runner), (kept[0] if kept else None)
+
+
 class Gatherer:
     """Runs specs for a study, in the workers that it is given or, as a context manager, in its own."""
 
@@ -70,17 +108,8 @@ class Gatherer:
 
     def groups(self, ladders: Sequence[tuple[str, Ladder]]) -> list[list[Record]]:
         """The records of each ladder of an engine, in the given order; the engines run beside each other."""
-        done: list[list[Record]] = [[] for _ in ladders]
-        with Progress(f"{self._title}, errors", len(ladders), quiet=self._quiet) as progress:
-
-            def climb(name: str) -> None:
-                for k, (owner, ladder) in enumerate(ladders):
-                    if owner == name:
-                        done[k] = self._climb(ladder)
-                        progress.advance()
-
-            with ThreadPoolExecutor(PARALLEL) as pool:
-                list(pool.map(climb, self.engines))
+        jobs = [(owner, partial(self._climb, ladder)) for owner, ladder in ladders]
+        done = by_engine(f"{self._title}, errors", jobs, quiet=self._quiet)
         self._note_omissions([record for group in done for record in group])
         return done
 
@@ -108,6 +137,15 @@ class Gatherer:
                     self._time(record, gross, overhead)
                     progress.advance()
         return [_with_seconds(record, gross, overhead, rounds) for record in records]
+
+    def times_by_length(self, records: list[Record], rounds: int, long: float, cap: float = np.inf) -> list[Record]:
+        """As `times`, but once for what took longer than ``long``, and not for what took longer than ``cap`` [s]."""
+        found = {record.key: record for record in records}
+        short = [record for record in records if record.wall <= long]
+        slow = [record for record in records if long < record.wall <= cap]
+        for some, repeats in ((short, rounds), (slow, 1)):
+            found |= {record.key: record for record in self.times(some, repeats)}
+        return [found[record.key] for record in records]
 
     def _time(self, record: Record, gross: dict[str, float], overhead: dict[str, float]) -> None:
         worker, spec = self._workers[record.engine], spec_of(record)

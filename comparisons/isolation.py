@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -153,6 +154,11 @@ class Workers:
 
     def __getitem__(self, engine: str) -> Worker:
         return self._workers.setdefault(engine, Worker())
+
+
+def lent(workers: Workers | None) -> AbstractContextManager[Workers]:
+    """The workers that are given, or else new ones that end with the block."""
+    return Workers() if workers is None else nullcontext(workers)
 
 
 def run_apart(spec: RunSpec) -> Trajectory:

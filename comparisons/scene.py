@@ -121,6 +121,11 @@ class Scene:
         """The links of one kind."""
         return [link for link in self.links if isinstance(link, kind)]
 
+    def longest_step(self, limit: float) -> float:
+        """The longest time step [s] up to ``limit`` that divides the sample interval."""
+        interval = self.duration / self.samples
+        return interval / max(1, math.ceil(interval / limit - 1e-9))
+
     def steps_per_sample(self, dt: float) -> int:
         """The whole number of steps dt between two samples; refused where there is none."""
         interval = self.duration / self.samples

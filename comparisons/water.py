@@ -12,12 +12,15 @@ from importlib import resources
 
 import numpy as np
 
+TABLE_2 = "martin_moyce_n2_2_table2.csv"
+"""The file of the fronts to which fits are made."""
+
 FRONTS = {
-    "Martin and Moyce, table 2": "martin_moyce_n2_2_table2.csv",
+    "Martin and Moyce, table 2": TABLE_2,
     "Martin and Moyce, fig. 3": "martin_moyce_n2_2_fig3_a2250.csv",
     "Koshizuka and Oka": "koshizuka_oka_1996.csv",
 }
-"""Experiment -> its file; the first is what fits are made to."""
+"""Experiment -> its file."""
 
 HEIGHTS = {"Martin and Moyce, table 6": "martin_moyce_n2_2_height_table6.csv"}
 REFERENCE = "dam_break_front.csv"

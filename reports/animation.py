@@ -92,10 +92,15 @@ def moments(films: Sequence[Film], path: Path) -> None:
     write_atomically(path, content.getvalue())
 
 
-def _frames(films: Sequence[Film], wanted: Sequence[int] | None = None, columns: int = COLUMNS) -> list[Image.Image]:
-    """The still parts are drawn once; each frame adds bodies and time to them."""
+def _columns(films: int) -> int:
+    """In how many columns so many panels stand: four as two rows of two."""
+    return 2 if films == 4 else min(COLUMNS, films)
+
+
+def _frames(films: Sequence[Film], wanted: Sequence[int] | None = None, columns: int = 0) -> list[Image.Image]:
+    """The still parts are drawn once; each frame adds bodies and time to them. 0 columns: as suits their number."""
     view = _view(films)
-    columns = columns if len(films) % columns == 0 or len(films) > 4 else min(2, len(films))
+    columns = columns or _columns(len(films))
     rows = math.ceil(len(films) / columns)
     side = (WIDTH - GAP) / columns - GAP
     tall = side * (view[3] - view[2]) / (view[1] - view[0])
@@ -122,7 +127,8 @@ def _frames(films: Sequence[Film], wanted: Sequence[int] | None = None, columns:
 def _view(films: Sequence[Film]) -> tuple[float, float, float, float]:
     """What all panels show: x from and to, y from and to [m]: all the fall, and nearly all of the heaps."""
     if films[0].view:
-        return films[0].view[0], films[0].view[1], films[0].view[2], films[0].view[3]
+        left, right, low, high = films[0].view
+        return left, right, low, high
     poses = np.concatenate([np.array(film.poses).reshape(-1, 3) for film in films])
     ends = np.concatenate([np.array(film.poses[-1]) for film in films])
     reach = max(math.hypot(*shape) for film in films for shape in film.shapes) / 2.0

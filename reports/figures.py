@@ -148,6 +148,7 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
     ax.set(xscale=scale, yscale=scale, xlabel=panel.x, ylabel=panel.y, title=heading)
     handles: dict[str, Any] = {}
     lost: dict[str, Any] = {}
+    shapes = iter(MARKERS)
     for series in group:
         if series.kind == "points":
             ax.plot(series.x, series.y, ".", color=colour(series), alpha=0.3, markersize=4, zorder=1)
@@ -156,8 +157,7 @@ def _panel(ax: Axes, panel: Panel, group: list[Series], styles: dict[str, dict],
             shade = "#666666" if series.x[1:] else colour(series)
             lost[series.label] = Line2D([], [], color=shade, linestyle="none", **LOST)
         elif series.kind == "experiment":
-            look = {**EXPERIMENT, "marker": MARKERS[sum(s.kind == "experiment" for s in group[: group.index(series)])]}
-            (handles[series.label],) = ax.plot(series.x, series.y, **look)
+            (handles[series.label],) = ax.plot(series.x, series.y, marker=next(shapes), **EXPERIMENT)
         elif series.kind in MAP:
             (handles[series.label],) = ax.plot(series.x, series.y, color=colour(series), **MAP[series.kind])
         elif series.kind == "trade":

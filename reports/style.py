@@ -41,7 +41,7 @@ CHEAPER = ("default", "fast")
 """Presets whose markers are hollow beside another of the same engine."""
 
 CLOSED_FORM = "#999999"
-HELD, FAILED = "#0072B2", "#D55E00"
+BY_KIND = {"closed form": CLOSED_FORM, "bound": CLOSED_FORM, "held": "#0072B2", "failed": "#D55E00"}
 UNLINED = ("points", "lost", "experiment", "held", "failed")
 """Kinds of series that are markers alone."""
 
@@ -66,10 +66,8 @@ RC: dict[Any, Any] = {
 
 
 def colour(series: Series) -> str:
-    """The engine's colour; grey for closed forms."""
-    if series.kind in ("held", "failed"):
-        return HELD if series.kind == "held" else FAILED
-    return CLOSED_FORM if series.kind in ("closed form", "bound") else COLOURS.get(series.engine, OTHER)
+    """The engine's colour; grey for closed forms, and in a map one for each outcome."""
+    return BY_KIND.get(series.kind) or COLOURS.get(series.engine, OTHER)
 
 
 def looks(group: list[Series]) -> dict[str, dict]:

@@ -49,9 +49,8 @@ def with_step(scene: Scene, settings: Any) -> Any:
     """The settings with dt as set, or else the longest step by `COURANT` that divides the sample interval."""
     if settings.dt is not None:
         return settings
-    interval, fluid = scene.duration / scene.samples, scene.fluid
-    fraction = 1.0 if fluid is None else interval * fluid.speed / (COURANT * fluid.spacing)
-    return dataclasses.replace(settings, dt=interval / math.ceil(fraction - 1e-9))
+    limit = math.inf if scene.fluid is None else COURANT * scene.fluid.spacing / scene.fluid.speed
+    return dataclasses.replace(settings, dt=scene.longest_step(limit))
 
 
 def grains(scene: Scene) -> Scene:

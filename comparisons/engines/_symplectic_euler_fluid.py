@@ -6,18 +6,15 @@ of a per cent at the bottom of water at rest, 1 % at most in a dam break - and s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from comparisons.engines._checks import check_scene
+from comparisons.engines.pbf import SUPPORT
 from comparisons.scene import Scene
 from comparisons.trajectory import Trajectory
-
-SUPPORT = {2: 2.5, 3: 2.0}
-"""Dimension -> reach of the kernel [spacing]."""
 
 
 def unsupported(scene: Scene, settings: Any) -> str:
@@ -43,8 +40,7 @@ def limit(scene: Scene, settings: Any) -> float:
 
 def step_of(scene: Scene, settings: Any) -> float:
     """dt [s]: as set, or the longest that divides the sample interval."""
-    interval = scene.duration / scene.samples
-    return settings.dt or interval / math.ceil(interval / limit(scene, settings) - 1e-9)
+    return settings.dt or scene.longest_step(limit(scene, settings))
 
 
 def prepare(scene: Scene, settings: Any) -> Callable[[], Trajectory]:
@@ -106,8 +102,7 @@ def new_water(scene: Scene, settings: Any) -> Any:
 
 def lattice_moment(kernel: Any, spacing: float, dimension: int) -> float:
     """Sum of -x dW/dx over a square or cubic lattice [1/m^d]: about one over the volume of a particle in it."""
-    from pbd.fluid.kernels import profile
+    from pbd.fluid.kernels import lattice_distances, profile
 
-    reach = np.arange(-(cells := math.ceil(1.0 / (kernel.inverse * spacing))), cells + 1) * spacing
-    r = np.sqrt(sum(axis**2 for axis in np.meshgrid(*[reach] * dimension))).ravel()
+    r = lattice_distances(kernel, spacing, dimension)
     return float((r * profile(kernel, r)[1]).sum() / dimension)

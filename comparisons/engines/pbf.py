@@ -6,7 +6,6 @@ by shape matching (Macklin et al. 2014), obstacles and walls give back the densi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
@@ -128,10 +127,9 @@ def prepare(scene: Scene, settings: Settings) -> Callable[[], Trajectory]:
 
 def step_of(scene: Scene, settings: Settings) -> float:
     """dt [s]: as set, or by the Courant number."""
-    interval = scene.duration / scene.samples
     if settings.dt is not None or scene.fluid is None:
-        return settings.dt or interval
-    return interval / math.ceil(interval * scene.fluid.speed / (settings.courant * scene.fluid.spacing) - 1e-9)
+        return settings.dt or scene.duration / scene.samples
+    return scene.longest_step(settings.courant * scene.fluid.spacing / scene.fluid.speed)
 
 
 def _simulation(scene: Scene, settings: Settings, dt: float) -> Any:

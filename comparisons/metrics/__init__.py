@@ -124,11 +124,11 @@ class Subject:
         return _water.densities(self)
 
     @cached_property
-    def fronts(self) -> np.ndarray:
-        """(s,) where the farthest particle that is attached to the fluid ends along x [m]; `Refused` as above."""
+    def attached(self) -> list[np.ndarray]:
+        """(m, d) at each sample: positions of the fluid's particles that hang together [m]; `Refused` as above."""
         from comparisons.metrics import _water
 
-        return _water.fronts(self)
+        return _water.attached(self)
 
     @property
     def rods(self) -> list[Rods]:

@@ -117,7 +117,13 @@ def _over_plane(r: np.ndarray, h: float, d: int) -> np.ndarray:
 # ------------------------------------------------------------------ front and height
 
 
-def attached(x: np.ndarray, spacing: float) -> np.ndarray:
+def attached(subject: Subject) -> list[np.ndarray]:
+    """Of each sample the positions of the fluid's particles that are attached to most of it."""
+    spacing, chosen = fluid_of(subject.scene).spacing, liquid(subject.scene)
+    return [x[_largest_group(x, spacing)] for x in (each[chosen] for each in subject.trajectory.positions)]
+
+
+def _largest_group(x: np.ndarray, spacing: float) -> np.ndarray:
     """(n,) mask of the largest group of particles that hang together."""
     i, j = KDTree(x).query_pairs(LINKED * spacing, output_type="ndarray").T
     graph = csr_array((np.ones(len(i), dtype=bool), (i, j)), shape=(len(x), len(x)))
@@ -127,19 +133,15 @@ def attached(x: np.ndarray, spacing: float) -> np.ndarray:
 
 def fronts(subject: Subject, percentile: float = 100.0) -> np.ndarray:
     """(s,) x of the farthest attached particle, or of a percentile of the attached, and half a spacing [m]."""
-    spacing, chosen = fluid_of(subject.scene).spacing, liquid(subject.scene)
-    pieces = [x[chosen] for x in subject.trajectory.positions]
-    return np.array([np.percentile(x[attached(x, spacing), 0], percentile) + 0.5 * spacing for x in pieces])
+    half = 0.5 * fluid_of(subject.scene).spacing
+    return np.array([np.percentile(x[:, 0], percentile) + half for x in subject.attached])
 
 
 def heights(subject: Subject) -> np.ndarray:
     """(s,) height of the attached water within two spacings of the wall x = 0 [m]; 0 where there is none."""
-    spacing, chosen = fluid_of(subject.scene).spacing, liquid(subject.scene)
-    found = []
-    for x in (each[chosen] for each in subject.trajectory.positions):
-        near = x[attached(x, spacing) & (x[:, 0] < 2.0 * spacing), 1]
-        found.append(near.max() + 0.5 * spacing if len(near) else 0.0)
-    return np.array(found)
+    spacing = fluid_of(subject.scene).spacing
+    near = [x[x[:, 0] < 2.0 * spacing, 1] for x in subject.attached]
+    return np.array([y.max() + 0.5 * spacing if len(y) else 0.0 for y in near])
 
 
 def dimensionless(subject: Subject) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +149,7 @@ def dimensionless(subject: Subject) -> tuple[np.ndarray, np.ndarray]:
     known = subject.scene.known
     if "unit" not in known:
         raise Refused("the front of a scene that is no dam break", "ask for other metrics")
-    return subject.trajectory.times / known["unit"], subject.fronts / known["width"]
+    return subject.trajectory.times / known["unit"], fronts(subject) / known["width"]
 
 
 # ------------------------------------------------------------------ against experiments

@@ -11,14 +11,12 @@ import numpy as np
 from comparisons.metrics import _water
 from comparisons.studies._fluids import GRAINS
 from comparisons.study import Table, duration
-from comparisons.water import FRONTS, HEIGHTS, experiment, front_reference
+from comparisons.water import FRONTS, HEIGHTS, TABLE_2, experiment, front_reference
 
 if TYPE_CHECKING:
     from comparisons.studies.dam_break import Break
 
 AT = (1.0, 2.0, 3.0)
-FIRST = next(iter(FRONTS.values()))
-"""Martin and Moyce's table 2, to which shifts are fitted."""
 
 
 def accuracy(found: Sequence[Break]) -> Table:
@@ -62,7 +60,7 @@ def experiments(found: Sequence[Break]) -> Table:
 def sentences(found: Sequence[Break], shown: int) -> list[str]:
     """How shifts agree over resolutions and with the reference's, and what grains do."""
     reference = front_reference()
-    own, left = _water.fitted(reference.times, reference.values, experiment(FIRST))
+    own, left = _water.fitted(reference.times, reference.values, experiment(TABLE_2))
     said = [f"The numerical reference is {own:.3f} ahead of Martin and Moyce's table 2 in T; {left:.3f} a rms is left."]
     for one in dict.fromkeys(b.contender for b in found if b.contender not in GRAINS):
         mine = [b.record for b in found if b.contender is one and b.record.status.code == "ok"]

@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from comparisons.gather import Gatherer, Ladder, through
+from comparisons.gather import Gatherer, Ladder, check, through
 from comparisons.record import Record, RunSpec
-from comparisons.studies._sweeping import PEER, Contender, Sized, check, size_of, sized
+from comparisons.studies._sweeping import PEER, Contender, Sized, size_of, sized
 from comparisons.study import Table, duration
 from pbd.errors import InvalidInput
 

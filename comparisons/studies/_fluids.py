@@ -2,50 +2,43 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from comparisons import catalog, engine
+from comparisons.gather import with_motion
 from comparisons.isolation import Workers
 from comparisons.metrics import Subject
 from comparisons.record import Record, RunSpec
-from comparisons.run import bind, build_scene, execute
-from comparisons.scene import Scene
+from comparisons.run import build_scene
 from comparisons.study import Omission
-from comparisons.trajectory import Trajectory
 from pbd.errors import InvalidInput
 
 OURS = "pbf"
 """The subject: this project's position based fluids."""
 
-DEFAULT_STEP = 1.0 / 240.0
+USUAL_STEP = 1.0 / 240.0
 """[s] pybullet's own, and what is usual with pymunk."""
-
-GRAIN_COURANT = 0.16
-"""Way of a grain in a step at the scene's speed [spacing] where steps are matched to PBF's."""
 
 Seen = TypeVar("Seen")
 
 
 @dataclass(frozen=True)
 class Contender:
-    """An engine with settings; ``step`` gives its time step [s] in a scene where the engine does not choose one."""
+    """An engine with settings; ``step`` is its longest time step [s] where the engine does not choose one."""
 
     label: str
     engine: str
     preset: str = "default"
     settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    step: Callable[[Scene], float] | None = None
+    step: float | None = None
 
     def spec(self, scene: str, parameters: Mapping[str, Any], metrics: Sequence[str]) -> RunSpec:
         """A run; the step, if it is not the engine's choice, a whole fraction of the sample interval."""
         given = dict(self.settings)
         if self.step is not None:
-            built = build_scene(scene, dict(parameters))
-            interval = built.duration / built.samples
-            given["dt"] = interval / math.ceil(interval / self.step(built) - 1e-9)
+            given["dt"] = build_scene(scene, dict(parameters)).longest_step(self.step)
         return RunSpec(
             scene=scene,
             engine=self.engine,
@@ -54,17 +47,6 @@ class Contender:
             settings=given,
             metrics=tuple(metrics),
         )
-
-
-def usual_step(scene: Scene) -> float:
-    """What users of engines of rigid bodies take [s]."""
-    return DEFAULT_STEP
-
-
-def matched_step(scene: Scene) -> float:
-    """PBF's own [s]."""
-    assert scene.fluid is not None
-    return GRAIN_COURANT * scene.fluid.spacing / scene.fluid.speed
 
 
 # PBF and XPBD are as published; "from rest" takes the density at the start for that of rest, see `pbd.fluid.rest`;
@@ -76,10 +58,10 @@ XPBD = Contender("XPBD fluid", OURS, settings={"method": "xpbd", "omega": 0.7})
 ACCURATE = Contender("PBF from rest, accurate", OURS, "accurate")
 WCSPH = Contender("WCSPH", "symplectic_euler", settings={"dt": None})
 GRAINS = (
-    Contender("pymunk discs (granular)", "pymunk", "matched", step=matched_step),
-    Contender("pymunk discs, default", "pymunk", step=usual_step),
-    Contender("pybullet balls (granular)", "pybullet", "matched", step=matched_step),
-    Contender("pybullet balls, default", "pybullet", step=usual_step),
+    Contender("pymunk discs (granular)", "pymunk", "matched", settings={"dt": None}),
+    Contender("pymunk discs, default", "pymunk", step=USUAL_STEP),
+    Contender("pybullet balls (granular)", "pybullet", "matched", settings={"dt": None}),
+    Contender("pybullet balls, default", "pybullet", step=USUAL_STEP),
 )
 CONTENDERS = (PBF, FAST, XPBD, ACCURATE, WCSPH, *GRAINS)
 ENGINES = tuple(dict.fromkeys(one.engine for one in CONTENDERS))
@@ -99,12 +81,6 @@ def chosen(
     return [one for one in of if one.engine in (names or possible)]
 
 
-def check(specs: Iterable[RunSpec]) -> None:
-    """Refuse bad input before anything runs."""
-    for spec in specs:
-        bind(spec)
-
-
 def counts(name: str, values: Sequence[float]) -> None:
     """Refuse a list that is empty or holds what is not a whole number >= 1."""
     if not values or not all(float(value).is_integer() and value >= 1 for value in values):
@@ -113,16 +89,10 @@ def counts(name: str, values: Sequence[float]) -> None:
 
 def measured(pool: Workers, spec: RunSpec, see: Callable[[Subject], Seen]) -> tuple[Record, Seen | None]:
     """A run's record, and what ``see`` finds in its motion, None where it has none."""
-    kept: list[Trajectory] = []
-
-    def runner(asked: RunSpec) -> Trajectory:
-        kept.append(pool[asked.engine].run(asked))
-        return kept[0]
-
-    record = execute(spec, runner)
-    if record.status.code != "ok" or not kept:
+    record, trajectory = with_motion(pool, spec)
+    if record.status.code != "ok" or trajectory is None:
         return record, None
-    return record, see(Subject(kept[0], build_scene(spec.scene, spec.parameters)))
+    return record, see(Subject(trajectory, build_scene(spec.scene, spec.parameters)))
 
 
 def others_left_out() -> list[Omission]:

@@ -10,7 +10,7 @@ from typing import Any
 from comparisons import catalog, engine
 from comparisons.gather import Ladder
 from comparisons.record import Record, RunSpec
-from comparisons.run import bind, build_scene
+from comparisons.run import build_scene
 from comparisons.study import Omission
 from pbd.errors import InvalidInput
 
@@ -84,12 +84,6 @@ def chosen(names: Sequence[str] | None, settings: Mapping[str, Any] | None, of: 
         if name not in ENGINES:
             raise InvalidInput("engines", name, "of " + ", ".join(ENGINES), "others move no rigid bodies")
     return [one for one in of if one.engine in (names or ENGINES)]
-
-
-def check(specs: Iterable[RunSpec]) -> None:
-    """Refuse bad input before anything runs."""
-    for spec in specs:
-        bind(spec)
 
 
 def positive(**numbers: Sequence[float]) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 
 from comparisons import catalog, engine
 from comparisons.record import Record, RunSpec, plain
-from comparisons.run import bind
 from comparisons.scene import Scene
 from comparisons.study import Omission
 from pbd import fields
@@ -156,12 +155,6 @@ def chosen(names: Sequence[str] | None, settings: Mapping[str, Any] | None, roun
         if name not in ENGINES:
             raise InvalidInput("engines", name, "of " + ", ".join(ENGINES), "others project no constraints in sweeps")
     return list(names or ENGINES)
-
-
-def check(specs: Sequence[RunSpec]) -> None:
-    """Refuse bad input before anything runs."""
-    for spec in specs:
-        bind(spec)
 
 
 def others_left_out() -> list[Omission]:

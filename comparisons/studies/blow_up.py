@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from comparisons.gather import Gatherer, through
+from comparisons.gather import Gatherer, check, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _fluids
@@ -55,7 +55,7 @@ def run(
     if not points:
         raise InvalidInput("courant, omega", [list(courant), list(omega)], "at least one number each")
     specs = [_spec({**base, "iterations": n, "courant": c, "omega": w}) for n, c, w in points]
-    _fluids.check(specs)
+    check(specs)
     with Gatherer([OURS], "blow-up", workers=workers, quiet=quiet) as gatherer:
         records = gatherer.groups([(OURS, through(specs))])[0]
     return Study(

@@ -19,7 +19,7 @@ from typing import Any
 from comparisons import catalog, engine
 from comparisons.fit import fit_order
 from comparisons.gather import Gatherer, through
-from comparisons.isolation import Lost, Workers
+from comparisons.isolation import Lost, Workers, lent
 from comparisons.record import Finding, Record, RunSpec
 from comparisons.study import Omission, Study, Table, head
 from pbd import fields
@@ -120,16 +120,10 @@ def run(
     remedies = {name: engine.load(name).missing() for name in names}
     present = [name for name in names if not remedies[name]]
     asked = [(question, name, preset) for name in present for preset in _presets(name) for question in QUESTIONS]
-    pool = workers or Workers()
-    try:
-        with Gatherer(present, "calibration", workers=pool, quiet=quiet) as gatherer:
-            groups = gatherer.groups(
-                [(name, through(question.specs(name, preset))) for question, name, preset in asked]
-            )
+    with lent(workers) as pool:
+        gatherer = Gatherer(present, "calibration", workers=pool, quiet=quiet)
+        groups = gatherer.groups([(name, through(question.specs(name, preset))) for question, name, preset in asked])
         own = [(name, finding) for name in present for finding in _findings(pool, name)]
-    finally:
-        if workers is None:
-            pool.__exit__()
     answers = list(zip(asked, groups, strict=True))
     answering = {which[1] for which, found in answers if found[-1].status.code != "unsupported"}
     rows = [_row(*which, found) for which, found in answers if which[1] in answering]

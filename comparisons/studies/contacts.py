@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from comparisons import catalog
-from comparisons.gather import Gatherer
+from comparisons.gather import Gatherer, check
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _rigid
 from comparisons.studies._contest import Standing, sentences
-from comparisons.studies._rigid import ACCURATE, EULER, FAST, PARTICLES, Contender, capped, check, chosen, phases_of
+from comparisons.studies._rigid import ACCURATE, EULER, FAST, PARTICLES, Contender, capped, chosen, phases_of
 from comparisons.study import Panel, Series, Study, Table, head
 
 RATES = (60.0, 240.0, 1000.0)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,10 +17,9 @@ from typing import Any
 import numpy as np
 
 from comparisons.film import Film, film
-from comparisons.gather import PARALLEL, ROUNDS, Gatherer
-from comparisons.isolation import Workers
+from comparisons.gather import ROUNDS, Gatherer, by_engine, check
+from comparisons.isolation import Workers, lent
 from comparisons.metrics import Subject, _water
-from comparisons.progress import Progress
 from comparisons.record import Record
 from comparisons.studies import _dam_break_words as words
 from comparisons.studies import _fluids
@@ -115,15 +113,13 @@ def run(
     _fluids.counts("across", across)
     _fluids.counts("rounds, shown", [rounds, shown])
     sizes = sorted({*across, shown})
-    _fluids.check(_spec(one, n, shown) for one in contenders for n in sizes)
-    pool = workers or Workers()
-    try:
-        found = _gather(pool, contenders, sizes, shown, cap, quiet)
+    check(_spec(one, n, shown) for one in contenders for n in sizes)
+    with lent(workers) as pool:
+        jobs = [(one.engine, partial(_climb, pool, one, sizes, shown, cap)) for one in contenders]
+        found = [each for some in by_engine("dam break", jobs, quiet=quiet) for each in some]
         gatherer = Gatherer([one.engine for one in contenders], "dam break", workers=pool, quiet=quiet)
-        records = _times(gatherer, [b.record for b in found], rounds)
-    finally:
-        if workers is None:
-            pool.__exit__()
+        timed = gatherer.times_by_length([b.record for b in found], rounds, LONG)
+    records = {record.key: record for record in timed}
     found = [Break(b.contender, b.across, records[b.record.key], b.curves) for b in found]
     exact = [records[b.record.key] for b in found if b.contender not in GRAINS]
     winners = [winner(exact, target, ERROR) for target in TARGETS]
@@ -146,37 +142,14 @@ def run(
     )
 
 
-def _times(gatherer: Gatherer, found: list[Record], rounds: int) -> dict[str, Record]:
-    """key -> record with its time; what takes longer than LONG is timed once."""
-    short = [record for record in found if record.wall <= LONG]
-    long = [record for record in found if record.wall > LONG]
-    return {r.key: r for some, n in ((short, rounds), (long, 1)) for r in gatherer.times(some, n)}
-
-
 def _spec(one: Contender, across: int, shown: int) -> Any:
     filmed = across == shown and one in FILMED
     samples = {"samples": 3 * (FRAMES if filmed else FRAMES // 2)}
     return one.spec(SCENE, {"across": across, **samples}, METRICS)
 
 
-def _gather(
-    pool: Workers, contenders: Sequence[Contender], sizes: Sequence[int], shown: int, cap: float, quiet: bool
-) -> list[Break]:
-    """Run all, engine beside engine, each contender from coarse to fine."""
-    found: dict[int, list[Break]] = {}
-    with Progress("dam break", len(contenders), quiet=quiet) as progress, ThreadPoolExecutor(PARALLEL) as threads:
-
-        def run_engine(name: str) -> None:
-            for k, one in enumerate(contenders):
-                if one.engine == name:
-                    found[k] = _climb(pool, one, sizes, shown, cap)
-                    progress.advance()
-
-        list(threads.map(run_engine, dict.fromkeys(one.engine for one in contenders)))
-    return [each for k in range(len(contenders)) for each in found[k]]
-
-
 def _climb(pool: Workers, one: Contender, sizes: Sequence[int], shown: int, cap: float) -> list[Break]:
+    """A contender's runs from coarse to fine."""
     found: list[Break] = []
     for n in sizes:
         if found and found[-1].record.wall * GROWTH ** math.log2(n / found[-1].across) > cap:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from comparisons.gather import Gatherer, through
+from comparisons.gather import Gatherer, check, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.run import build_scene
@@ -34,11 +34,11 @@ PANELS = (
 
 @dataclass(frozen=True)
 class Law:
-    """A line of the plot."""
+    """A line of the plot; ``expected`` is its mean compression in closed form, where there is one."""
 
     label: str
     settings: Mapping[str, Any] = field(hash=False)
-    alpha: float | None = None
+    expected: float | None = None
 
 
 def run(
@@ -73,9 +73,12 @@ def run(
     laws += [
         Law(f"{name} = {each:g}", {"k": each, "raw": raw}) for each in k for name, raw in (("k'", False), ("k", True))
     ]
-    laws += [Law(f"alpha = {a:g} /J (XPBD)", {"method": "xpbd", "compliance": a}, a) for a in (0.0, *compliance)]
+    laws += [
+        Law(f"alpha = {a:g} /J (XPBD)", {"method": "xpbd", "compliance": a}, expected(a, across) if a else None)
+        for a in (0.0, *compliance)
+    ]
     plan = {law: [_spec(law, across, n) for n in iterations] for law in laws}
-    _fluids.check(spec for specs in plan.values() for spec in specs)
+    check(spec for specs in plan.values() for spec in specs)
     with Gatherer([OURS], "density stiffness", workers=workers, quiet=quiet) as gatherer:
         groups = gatherer.groups([(OURS, through(specs)) for specs in plan.values()])
     found = dict(zip(plan, groups, strict=True))
@@ -87,10 +90,9 @@ def run(
         parameters={"across": across},
         head=head(),
         panels=list(PANELS),
-        series=[s for law, records in found.items() for s in _series(law, records)]
-        + _closed_forms(laws, across, iterations),
+        series=[s for law, records in found.items() for s in _series(law, records)] + _closed_forms(laws, iterations),
         records=[record for records in found.values() for record in records],
-        sentences=_sentences(found, across),
+        sentences=_sentences(found),
         tables=[_table(found, iterations)],
     )
 
@@ -117,7 +119,7 @@ def expected(alpha: float, across: int) -> float:
     return 0.5 * alpha * float(scene.masses.masses[0]) * -float(scene.gravity[1]) * float(depth)
 
 
-def _closed_forms(laws: Sequence[Law], across: int, iterations: Sequence[int]) -> list[Series]:
+def _closed_forms(laws: Sequence[Law], iterations: Sequence[int]) -> list[Series]:
     ends = [float(min(iterations)), float(max(iterations))]
     return [
         Series(
@@ -125,33 +127,32 @@ def _closed_forms(laws: Sequence[Law], across: int, iterations: Sequence[int]) -
             label="alpha m g H/2",
             engine="",
             x=ends,
-            y=[expected(law.alpha, across)] * 2,
+            y=[law.expected] * 2,
             kind="closed form",
         )
         for law in laws
-        if law.alpha
+        if law.expected is not None
     ]
 
 
 def _table(found: Mapping[Law, Sequence[Record]], iterations: Sequence[int]) -> Table:
     rows = []
     for law, records in found.items():
-        told = expected(law.alpha, records[0].parameters["across"]) if law.alpha else None
         cells = [
             f"{record.metric(METRIC):.2e}" if record.status.code == "ok" else record.status.code for record in records
         ]
-        rows.append([law.label, *cells, f"{told:.2e}" if told else ""])
+        rows.append([law.label, *cells, f"{law.expected:.2e}" if law.expected else ""])
     columns = ["law", *(f"n = {n}" for n in iterations), "alpha m g H/2"]
     return Table(title="Mean compression of water at rest", columns=columns, rows=rows)
 
 
-def _sentences(found: Mapping[Law, Sequence[Record]], across: int) -> list[str]:
+def _sentences(found: Mapping[Law, Sequence[Record]]) -> list[str]:
     """How each law depends on the number of iterations."""
     said = []
     for law, records in found.items():
         kept = [record.metric(METRIC) for record in records if record.status.code == "ok"]
         if len(kept) > 1:
-            tail = f", alpha m g H/2 is {expected(law.alpha, across):.2e}" if law.alpha else ""
+            tail = f", alpha m g H/2 is {law.expected:.2e}" if law.expected else ""
             said.append(
                 f"{law.label}: mean compression from {kept[0]:.1e} to {kept[-1]:.1e} over the iterations{tail}."
             )

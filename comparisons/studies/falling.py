@@ -8,21 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from comparisons.film import Film, film
-from comparisons.gather import PARALLEL
-from comparisons.isolation import Workers
-from comparisons.progress import Progress
+from comparisons.gather import by_engine, check, with_motion
+from comparisons.isolation import Workers, lent
 from comparisons.record import Record, RunSpec
-from comparisons.run import build_scene, execute
+from comparisons.run import build_scene
 from comparisons.studies import _rigid
-from comparisons.studies._rigid import ACCURATE, EULER, FAST, PARTICLES, Contender, check, chosen
+from comparisons.studies._rigid import ACCURATE, EULER, FAST, PARTICLES, Contender, chosen
 from comparisons.study import Omission, Study, Table, head
 from comparisons.trajectory import Trajectory
 
@@ -116,7 +115,9 @@ def run(
         for one in contenders
     ]
     check(spec for plan in plans for spec in plan.specs)
-    found = _gather(plans, cap, workers, quiet)
+    with lent(workers) as pool:
+        jobs = [(plan.contender.engine, partial(_heaps, pool, plan, cap)) for plan in plans]
+        found = by_engine("falling boxes", jobs, quiet=quiet)
     shown = {d: [heaps for heaps in found if heaps.plan.dimension == d] for d, _, many in sizes if many}
     return Study(
         kind="falling",
@@ -148,36 +149,16 @@ def _spec(one: Contender, dimension: int, count: int, seed: int) -> RunSpec:
     return one.spec(SCENE, given, one.presets[0], 1.0 / RATE, METRICS)
 
 
-def _gather(plans: Sequence[Plan], cap: float, workers: Workers | None, quiet: bool) -> list[Heaps]:
-    """Run all, engine beside engine."""
-    pool = workers or Workers()
-    found: dict[int, Heaps] = {}
-    try:
-        with Progress("falling boxes", len(plans), quiet=quiet) as progress, ThreadPoolExecutor(PARALLEL) as threads:
-
-            def run_engine(name: str) -> None:
-                for k, plan in enumerate(plans):
-                    if plan.contender.engine == name:
-                        found[k] = _heaps(pool, plan, cap)
-                        progress.advance()
-
-            list(threads.map(run_engine, dict.fromkeys(plan.contender.engine for plan in plans)))
-    finally:
-        if workers is None:
-            pool.__exit__()
-    return [found[k] for k in range(len(plans))]
-
-
 def _heaps(pool: Workers, plan: Plan, cap: float) -> Heaps:
     """Run a plan; only an engine that tells the planes' forces is asked for their error."""
     records: list[Record] = []
     shot: Film | None = None
     metrics: tuple[str, ...] = (*METRICS, FORCE)
     for spec in plan.specs:
-        record, trajectory = _measured(pool, msgspec.structs.replace(spec, metrics=metrics))
+        record, trajectory = with_motion(pool, msgspec.structs.replace(spec, metrics=metrics))
         if record.status.code == "refused" and trajectory is not None:
             metrics = METRICS
-            record, _ = _measured(pool, spec, trajectory)
+            record, _ = with_motion(pool, spec, trajectory)
         if not records and trajectory is not None and plan.dimension == 2 and plan.contender in FILMED:
             shot = _film(plan, record, trajectory)
         records.append(record)
@@ -185,18 +166,6 @@ def _heaps(pool: Workers, plan: Plan, cap: float) -> Heaps:
         if record.status.code == "unsupported" or spent + record.wall > cap:
             break
     return Heaps(plan, records, shot)
-
-
-def _measured(pool: Workers, spec: RunSpec, known: Trajectory | None = None) -> tuple[Record, Trajectory | None]:
-    """A run's record and, where it has one, its motion; a ``known`` motion is measured only."""
-    kept = [] if known is None else [known]
-
-    def runner(asked: RunSpec) -> Trajectory:
-        if not kept:
-            kept.append(pool[asked.engine].run(asked))
-        return kept[0]
-
-    return execute(spec, runner), (kept[0] if kept else None)
 
 
 def _film(plan: Plan, record: Record, trajectory: Trajectory) -> Film:

@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from comparisons import engine
 from comparisons.fit import fit_order
-from comparisons.gather import PARALLEL
-from comparisons.isolation import Workers
+from comparisons.gather import by_engine, check
+from comparisons.isolation import Workers, lent
 from comparisons.metrics import Subject, _water
-from comparisons.progress import Progress
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _fluids
 from comparisons.studies._fluids import PBF, REST, WCSPH, XPBD, Contender
@@ -59,6 +58,10 @@ class Line:
     specs: Sequence[RunSpec]
 
 
+Runs = list[tuple[Record, np.ndarray | None]]
+"""Records of a line, and fronts of those that have one."""
+
+
 def run(
     *,
     engines: Sequence[str] | None = None,
@@ -91,10 +94,13 @@ def run(
     lines = [
         _line(one, axis, values, resolution) for axis, values in points.items() for one in methods if _has(one, axis)
     ]
-    _fluids.check(spec for line in lines for spec in line.specs)
-    found = _gather(lines, workers, quiet)
-    series = [s for line in lines for s in _series(line, found[line.one, line.axis])]
-    series += [s for line in lines if line.axis != "across" for s in _compressions(line, found[line.one, line.axis])]
+    check(spec for line in lines for spec in line.specs)
+    with lent(workers) as pool:
+        jobs = [(line.one.engine, partial(_runs, pool, line)) for line in lines]
+        found = list(zip(lines, by_engine("fluid convergence", jobs, quiet=quiet), strict=True))
+    records = [record for _, runs in found for record, _ in runs]
+    series = [s for line, runs in found for s in _series(line, runs)]
+    series += [s for line, runs in found if line.axis != "across" for s in _compressions(line, runs)]
     used = [axis for axis in AXES if any(s.panel == axis for s in series)]
     return Study(
         kind="fluid_convergence",
@@ -105,8 +111,8 @@ def run(
         head=head(),
         panels=_panels(used),
         series=series,
-        records=[record for some in found.values() for record, _ in some],
-        omissions=_fluids.lost(record for some in found.values() for record, _ in some),
+        records=records,
+        omissions=_fluids.lost(records),
         sentences=[f"{s.label}: {s.fit.text()} in {s.panel}." for s in series if s.fit],
     )
 
@@ -131,29 +137,8 @@ def _line(one: Contender, axis: str, values: Sequence[float], resolution: int) -
     return Line(one, axis, [each.spec(SCENE, {**PLACE, "across": resolution}, METRICS) for each in chosen])
 
 
-def _gather(
-    lines: Sequence[Line], workers: Workers | None, quiet: bool
-) -> dict[tuple[Contender, str], list[tuple[Record, np.ndarray | None]]]:
-    """Records and fronts of all lines, engine beside engine."""
-    pool, found = workers or Workers(), {}
-    try:
-        with (
-            Progress("fluid convergence", len(lines), quiet=quiet) as progress,
-            ThreadPoolExecutor(PARALLEL) as threads,
-        ):
-
-            def run_engine(name: str) -> None:
-                for line in lines:
-                    if line.one.engine == name:
-                        runs = [_fluids.measured(pool, spec, _front) for spec in line.specs]
-                        found[line.one, line.axis] = runs
-                        progress.advance()
-
-            list(threads.map(run_engine, dict.fromkeys(line.one.engine for line in lines)))
-    finally:
-        if workers is None:
-            pool.__exit__()
-    return {(line.one, line.axis): found[line.one, line.axis] for line in lines}
+def _runs(pool: Workers, line: Line) -> Runs:
+    return [_fluids.measured(pool, spec, _front) for spec in line.specs]
 
 
 def _front(subject: Subject) -> np.ndarray:
@@ -162,7 +147,7 @@ def _front(subject: Subject) -> np.ndarray:
     return fronts[times >= FROM - 1e-9]
 
 
-def _series(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> list[Series]:
+def _series(line: Line, runs: Runs) -> list[Series]:
     """A line's points and fit; iterations and sub-steps are fitted over 1/n."""
     kept = [(_place(line.axis, record), front) for record, front in runs if front is not None]
     if len(kept) < 2:
@@ -173,7 +158,7 @@ def _series(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> lis
     return [_fitted(line, line.axis, xs, ys)]
 
 
-def _compressions(line: Line, runs: Sequence[tuple[Record, np.ndarray | None]]) -> list[Series]:
+def _compressions(line: Line, runs: Runs) -> list[Series]:
     """The same of the mean compression."""
     kept = [(_place(line.axis, record), record.metric(SQUEEZED)) for record, front in runs if front is not None]
     points = [(x, y) for x, y in kept if y > 0.0]

@@ -11,11 +11,13 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-from comparisons.gather import ROUNDS, Gatherer, Ladder
+from comparisons.gather import ROUNDS, Gatherer, Ladder, check
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
+from comparisons.run import build_scene
 from comparisons.studies import _fluids
 from comparisons.studies._fluids import FAST, PBF, WCSPH, Contender
 from comparisons.study import Panel, Series, Study, Table, head
@@ -40,11 +42,10 @@ class Run:
     dimension: int
     record: Record
 
-    @property
+    @cached_property
     def particles(self) -> int:
-        """Of the column; in 3D it is half as deep as wide."""
-        n = int(self.record.parameters["across"])
-        return 2 * n * n if self.dimension == 2 else 2 * n * n * max(1, round(0.5 * n))
+        """Of the column."""
+        return len(build_scene(self.record.scene, self.record.parameters).masses.masses)
 
     @property
     def cost(self) -> float:
@@ -87,7 +88,7 @@ def run(
     plans = [
         (one, d, _specs(one, d, many)) for d, many in ((2, across), (3, solids or ())) if many for one in contenders
     ]
-    _fluids.check(spec for _, _, specs in plans for spec in specs)
+    check(spec for _, _, specs in plans for spec in specs)
     names = list(dict.fromkeys(one.engine for one in contenders))
     with Gatherer(names, "fluid throughput", workers=workers, quiet=quiet) as gatherer:
         groups = gatherer.groups([(one.engine, _ladder(specs, d, cap)) for one, d, specs in plans])
@@ -126,10 +127,10 @@ def _ladder(specs: Sequence[RunSpec], dimension: int, cap: float) -> Ladder:
         k = len(found)
         if k == len(specs) or (k and found[-1].status.code != "ok"):
             return None
-        growth = (
-            (specs[k].parameters["across"] / specs[k - 1].parameters["across"]) ** (GROWTH + dimension - 2) if k else 0
-        )
-        return None if k and found[-1].wall * growth > cap else specs[k]
+        if k == 0:
+            return specs[0]
+        finer = specs[k].parameters["across"] / specs[k - 1].parameters["across"]
+        return None if found[-1].wall * finer ** (GROWTH + dimension - 2) > cap else specs[k]
 
     return following
 
@@ -160,18 +161,16 @@ def _table(found: Sequence[Run]) -> Table:
 
 
 def _sentences(found: Sequence[Run], team: Contender) -> list[str]:
-    """The cheapest and ours of each dimension at its largest size that all reach, and what threads bring."""
+    """Of each dimension's largest column: what threads bring, and what WCSPH costs beside it."""
     said = []
     for d in (2, 3):
         costs = {(r.one.label, r.particles): r.cost for r in found if r.dimension == d and math.isfinite(r.cost)}
-        sizes = sorted({n for _, n in costs})
-        for n in sizes[-1:]:
-            alone, shared = costs.get((FAST.label, n)), costs.get((team.label, n))
-            if alone and shared:
-                said.append(f"{d}D, {n} particles: {alone:.0f} ns on one thread, {shared:.0f} ns on {team.label[-9:]}.")
-            other = costs.get((WCSPH.label, n))
-            if alone and other:
-                said.append(
-                    f"{d}D, {n} particles: a step of WCSPH costs {other:.0f} ns, {other / alone:.1f} times as much."
-                )
+        n = max((n for _, n in costs), default=0)
+        alone, shared, other = (costs.get((one.label, n)) for one in (FAST, team, WCSPH))
+        if alone and shared:
+            threads = team.settings["threads"]
+            said.append(f"{d}D, {n} particles: {alone:.0f} ns on one thread, {shared:.0f} ns on {threads} threads.")
+        if alone and other:
+            times = other / alone
+            said.append(f"{d}D, {n} particles: a step of WCSPH costs {other:.0f} ns, {times:.1f} times as much.")
     return said

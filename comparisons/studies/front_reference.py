@@ -5,24 +5,23 @@ equations nor integrator. Each method's front is fitted by Z(T; dx) = Z0 + Z1 dx
 a particle ends, which is of first order in dx - and Z0 is its limit. The reference is the mean of the two limits, and
 their gap its uncertainty.
 
-``python -m comparisons.studies.front_reference`` (`make reference`, ten minutes) writes what `comparisons.water` reads.
+``python -m comparisons.studies.front_reference`` (`make reference`, minutes) writes what `comparisons.water` reads.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from comparisons.gather import PARALLEL
-from comparisons.isolation import Workers
+from comparisons.gather import by_engine, check
+from comparisons.isolation import Workers, lent
 from comparisons.metrics import Subject, _water
-from comparisons.progress import Progress
 from comparisons.record import Record
 from comparisons.studies import _fluids
 from comparisons.studies._fluids import ACCURATE, WCSPH, Contender
@@ -122,25 +121,13 @@ def measure(sizes: Sequence[Sequence[int]], workers: Workers | None, quiet: bool
         if len(set(some)) < 2:
             raise InvalidInput("across, across_sph", list(some), "at least two resolutions")
     plans = [(one, n) for one, some in zip(METHODS, sizes, strict=True) for n in some]
-    specs = {plan: plan[0].spec(SCENE, {"across": plan[1], "samples": SAMPLES}, METRICS) for plan in plans}
-    _fluids.check(specs.values())
-    pool, found = workers or Workers(), {}
-    try:
-        with Progress("front reference", len(plans), quiet=quiet) as progress, ThreadPoolExecutor(PARALLEL) as threads:
-
-            def run_method(one: Contender) -> None:
-                for plan in plans:
-                    if plan[0] is one:
-                        found[plan] = _fluids.measured(pool, specs[plan], _front)
-                        progress.advance()
-
-            list(threads.map(run_method, METHODS))
-    finally:
-        if workers is None:
-            pool.__exit__()
-    return [_limit(one, {n: found[one, n] for other, n in plans if other is one}) for one in METHODS], [
-        found[plan][0] for plan in plans
-    ]
+    specs = [one.spec(SCENE, {"across": n, "samples": SAMPLES}, METRICS) for one, n in plans]
+    check(specs)
+    with lent(workers) as pool:
+        jobs = [(spec.engine, partial(_fluids.measured, pool, spec, _front)) for spec in specs]
+        found = dict(zip(plans, by_engine("front reference", jobs, quiet=quiet), strict=True))
+    limits = [_limit(one, {n: found[one, n] for other, n in plans if other is one}) for one in METHODS]
+    return limits, [record for record, _ in found.values()]
 
 
 def _front(subject: Subject) -> np.ndarray:

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from comparisons.gather import ROUNDS, Gatherer, Ladder
+from comparisons.gather import ROUNDS, Gatherer, Ladder, check
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _rigid
-from comparisons.studies._rigid import AT_ONE_PRESET, FAST, OURS, PARTICLES, Contender, check, chosen
+from comparisons.studies._rigid import AT_ONE_PRESET, FAST, OURS, PARTICLES, Contender, chosen
 from comparisons.study import Panel, Series, Study, Table, head
 from pbd.errors import InvalidInput
 
@@ -132,7 +132,8 @@ def run(
     names = list(dict.fromkeys(one.engine for one in contenders))
     with Gatherer(names, "piles", workers=workers, quiet=quiet) as gatherer:
         groups = gatherer.groups([(ascent.contender.engine, ascent.ladder(cap)) for ascent in ascents])
-        timed = _times(gatherer, [record for group in groups for record in group], cap, rounds)
+        records = [record for group in groups for record in group]
+        timed = {record.key: record for record in gatherer.times_by_length(records, rounds, LONG, cap)}
         omissions = gatherer.omissions
     found = [
         Heap(ascent.contender, pile, timed[record.key])
@@ -167,16 +168,6 @@ def _ascents(
             if many:
                 probe = {min(many) // PROBE} if min(many) >= LARGE else set()
                 found.append(Ascent(one, tuple(Pile(n, d) for n in sorted(many | probe))))
-    return found
-
-
-def _times(gatherer: Gatherer, records: list[Record], cap: float, rounds: int) -> dict[str, Record]:
-    """key -> record, with its time unless it took longer than ``cap``."""
-    found = {record.key: record for record in records}
-    short = [record for record in records if record.wall <= LONG]
-    long = [record for record in records if LONG < record.wall <= cap]
-    for some, repeats in ((short, rounds), (long, 1)):
-        found |= {record.key: record for record in gatherer.times(some, repeats)}
     return found
 
 

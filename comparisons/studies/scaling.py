@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.gather import ROUNDS, Gatherer, through
+from comparisons.gather import ROUNDS, Gatherer, check, through
 from comparisons.isolation import Workers
 from comparisons.studies._sweeping import (
     Contender,
     Sized,
-    check,
     chosen,
     contenders,
     in_range,

@@ -22,11 +22,11 @@ import numpy as np
 
 from comparisons import engine
 from comparisons.fit import fit_order
-from comparisons.gather import ROUNDS, Gatherer, through
+from comparisons.gather import ROUNDS, Gatherer, check, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec, plain
 from comparisons.run import build_scene
-from comparisons.studies._sweeping import check, chosen, others_left_out
+from comparisons.studies._sweeping import chosen, others_left_out
 from comparisons.study import Panel, Series, Study, Table, head
 from pbd.errors import InvalidInput
 

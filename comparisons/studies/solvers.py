@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from comparisons.gather import ROUNDS, Gatherer, through
+from comparisons.gather import ROUNDS, Gatherer, check, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
-from comparisons.studies._sweeping import Contender, Sized, check, chosen, left_out, sized
+from comparisons.studies._sweeping import Contender, Sized, chosen, left_out, sized
 from comparisons.study import Panel, Series, Study, Table, duration, head
 from pbd.errors import InvalidInput
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from comparisons import engine
-from comparisons.gather import Gatherer, Ladder
+from comparisons.gather import Gatherer, Ladder, check
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _rigid
-from comparisons.studies._rigid import AT_ONE_PRESET, Contender, check, chosen
+from comparisons.studies._rigid import AT_ONE_PRESET, Contender, chosen
 from comparisons.study import Panel, Series, Study, Table, head
 
 COUNTS = (5, 10, 20, 40, 80, 160)

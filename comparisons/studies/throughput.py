@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from comparisons.gather import ROUNDS, Gatherer, through
+from comparisons.gather import ROUNDS, Gatherer, check, through
 from comparisons.isolation import Workers
 from comparisons.record import Record, RunSpec
 from comparisons.studies import _equal_residual as equal_residual
@@ -26,7 +26,6 @@ from comparisons.studies._sweeping import (
     TITLES,
     Contender,
     Sized,
-    check,
     chosen,
     contenders,
     difference,

@@ -39,15 +39,15 @@ from pbd.fluid.passes import (
     add_walls,
     displace,
     find_multipliers,
-    gather_members,
     hold_members,
+    list_members,
 )
 from pbd.fluid.rest import Start, remember
 from pbd.fluid.solids import Solids, carried, constraints
 from pbd.fluid.tasks import CURL, DRAG, FETCH, GATHER, HOLD, LIST, MOVES, MULTIPLIERS, PLACE, PUSHES, SPIN
 from pbd.fluid.terms import Repulsion
 from pbd.fluid.velocities import Confinement, Viscosity, confine, drag, find_curl, smooth, spin
-from pbd.fluid.walls import Walls, find_near
+from pbd.fluid.walls import Walls
 from pbd.jit import kernel
 from pbd.projection import reset
 from pbd.routine import routine
@@ -178,11 +178,10 @@ def measure(fluid, x):
 def measure_at(fluid, x):
     sort(fluid.cells, x)
     low, high = cut(fluid.cells, 0, 1)
-    gather_members(fluid, x, low, high)
-    first, last = sorted_places(fluid.cells, low, high)
-    find_near(fluid.walls, fluid.position, 0, first, last)
+    gather(fluid.cells, x, fluid.position, low, high)
+    list_members(fluid, 0, low, high)
     for_each(fluid.cells, fluid.position + carried(fluid.solids), DensitySums(fluid), low, high)
-    add_walls(fluid, 0, first)
+    add_walls(fluid, 0, sorted_places(fluid.cells, low, high)[0])
 
 
 @routine
@@ -207,9 +206,9 @@ def do_piece(fluid, task, piece, pieces, state, h):
     elif task == PLACE:
         place(cells, particles.p, piece, pieces)
     elif task == GATHER:
-        gather_members(fluid, particles.p, low, high)
+        gather(cells, particles.p, fluid.position, low, high)
     elif task == LIST:
-        find_near(fluid.walls, fluid.position, piece, first, last)
+        list_members(fluid, piece, low, high)
     elif task == MULTIPLIERS:
         find_multipliers(fluid, piece, low, high, h)
     elif task == PUSHES:

@@ -79,6 +79,10 @@ def profile(kernel: Wendland | Poly6Spiky, r: np.ndarray) -> tuple[np.ndarray, n
 
 def lattice_sum(kernel: Wendland | Poly6Spiky, spacing: float, dimension: int) -> float:
     """Sum of W over a square or cubic lattice, times the volume of a particle in it: about 1."""
+    return float(profile(kernel, lattice_distances(kernel, spacing, dimension))[0].sum() * spacing**dimension)
+
+
+def lattice_distances(kernel: Wendland | Poly6Spiky, spacing: float, dimension: int) -> np.ndarray:
+    """(n,) from a point of a square or cubic lattice to all within reach along each axis [m], itself among them."""
     reach = np.arange(-(cells := math.ceil(1.0 / (kernel.inverse * spacing))), cells + 1) * spacing
-    squared = sum(axis**2 for axis in np.meshgrid(*[reach] * dimension))
-    return float(profile(kernel, np.sqrt(np.ravel(squared)))[0].sum() * spacing**dimension)
+    return np.sqrt(np.ravel(sum(axis**2 for axis in np.meshgrid(*[reach] * dimension))))

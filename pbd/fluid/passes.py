@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pbd.fluid.candidates import for_each, gather
+from pbd.fluid.candidates import for_each
 from pbd.fluid.cells import members_of, sorted_places
 from pbd.fluid.rest import missing, recall
 from pbd.fluid.solids import arrange, carried, is_fluid, is_free, lightened
 from pbd.fluid.sums import density_sums, push_sums
-from pbd.fluid.walls import beside_walls, hold_back
+from pbd.fluid.walls import beside_walls, find_near, hold_back
 from pbd.intrinsics import multiply_add
 from pbd.jit import device
 from pbd.projection import increment, relax
@@ -33,9 +33,10 @@ def hold_members(fluid, p, piece, pieces):
 
 
 @device
-def gather_members(fluid, x, low, high):
-    """Bring positions, and what is kept by particle, into sorted order, for cells low, ..., high-1."""
-    gather(fluid.cells, x, fluid.position, low, high)
+def list_members(fluid, piece, low, high):
+    """Once after sorting, for cells low, ..., high-1: who is near walls; what is kept by particle in sorted order."""
+    first, last = sorted_places(fluid.cells, low, high)
+    find_near(fluid.walls, fluid.position, piece, first, last)
     arrange(fluid.solids, fluid.cells, low, high)
     recall(fluid.rest, fluid.cells, low, high)
 
